@@ -1,0 +1,38 @@
+"""Exact order-independent transparency, with the per-pixel fragment lists behind the image."""
+
+from . import testing
+from .camera import Camera
+from .errors import (
+    AbufferError,
+    CapacityError,
+    DeviceError,
+    ParameterError,
+    SceneError,
+    ShaderError,
+    UnsupportedError,
+)
+from .fragments import Fragments
+from .frame import Frame
+from .mesh import BLENDS, Mesh
+from .render import render, render_triangles
+from .scene import Scene
+
+__all__ = [
+    "BLENDS",
+    "AbufferError",
+    "Camera",
+    "CapacityError",
+    "DeviceError",
+    "Fragments",
+    "Frame",
+    "Mesh",
+    "ParameterError",
+    "Scene",
+    "SceneError",
+    "ShaderError",
+    "UnsupportedError",
+    "render",
+    "render_triangles",
+    "testing",
+]
+__version__ = "0.1.0"

@@ -1,0 +1,332 @@
+"""Where the picture is taken from."""
+
+import warnings
+
+import numpy as np
+
+from . import _check
+from .errors import ParameterError
+
+
+class Camera:
+    """A view and a projection.
+
+    The world is right-handed. The eye looks along −Z with Y up (OpenGL axes); depth is the distance from the
+    eye along that axis, in world units. Matrices multiply columns: ``clip = projection @ view @ position``.
+    Pixel [y, x] has its centre at (x + .5, y + .5); row 0 is on top.
+
+    Args:
+        view: (4, 4) world to eye.
+        projection: (4, 4) eye to clip, y up. Its last row is (0, 0, −1, 0), a perspective, or (0, 0, 0, 1).
+        clip_z: the clip-space z over w of the near and the far plane: (0, 1), or (-1, 1) for OpenGL.
+
+    Raises:
+        ParameterError: a matrix of another kind (transposed, looking along +Z, oblique), or degenerate.
+
+    >>> camera = Camera.look_at((0, 0, 3), (0, 0, 0))
+    >>> xy, depth = camera.project([[0, 0, 1]], 200, 100)
+    >>> xy.tolist(), depth.tolist()
+    ([[100.0, 50.0]], [2.0])
+    """
+
+    def __init__(self, view, projection, *, clip_z=(0, 1)):
+        projection = _check.matrix("projection", projection)
+        self._set_view(view)
+        last = projection[3]
+        if (last[:2] == 0).all() and last[2] < 0 and last[3] == 0:
+            projection = projection / -last[2]
+        elif tuple(last) != (0, 0, 0, 1):
+            raise ParameterError(
+                f"projection's last row must be (0, 0, -1, 0) or (0, 0, 0, 1), got {last.tolist()}: "
+                + ("it looks along +Z: use Camera.from_intrinsics" if last[2] > 0 and last[3] == 0 else "transposed?")
+            )
+        if (projection[2, :2] != 0).any():
+            raise ParameterError("projection has an oblique near plane: its third row must be (0, 0, a, b)")
+        x, y = projection[0, :3], projection[1, :3]
+        if not (np.abs(x[:2]).any() and np.abs(y[:2]).any()) or abs(x[0] * y[1] - x[1] * y[0]) == 0:
+            raise ParameterError("projection maps all points to one line of the image")
+        self._xy = projection[:2].copy()
+        self._perspective = projection[3, 2] != 0
+        self._aspect = np.linalg.norm(y[:2]) / np.linalg.norm(x[:2])
+        self._size = None
+        self.near, self.far = _depths(projection[2], clip_z, self._perspective)
+
+    @classmethod
+    def look_at(cls, eye, target, up=(0, 1, 0), *, fov_y=45.0, near=None, far=None):
+        """A perspective from `eye` towards `target`, for an image of any size.
+
+        Args:
+            eye, target, up: (3,) world units; up need not be perpendicular.
+            fov_y: full vertical field of view, degrees.
+            near, far: eye depths outside which nothing is drawn. None: nothing in front of the eye is cut.
+        """
+        return cls._perspective_of(_looking(eye, target, up), fov_y, near, far)
+
+    @classmethod
+    def orthographic(cls, eye, target, up=(0, 1, 0), *, height, near=None, far=None):
+        """A parallel projection. `height`: world units from the image's bottom to its top."""
+        height = _check.number("height", height, 0, open_ends=True)
+        camera = cls.__new__(cls)
+        camera._set_view(_looking(eye, target, up))
+        camera._xy = np.array([[2 / height, 0, 0, 0], [0, 2 / height, 0, 0]])
+        camera._set_lens(perspective=False, near=near, far=far)
+        return camera
+
+    @classmethod
+    def from_pose(cls, camera_to_world, *, fov_y=45.0, near=None, far=None):
+        """A perspective from a (4, 4) pose in OpenGL axes: its columns are right, up, backwards, position."""
+        pose = _check.matrix("camera_to_world", camera_to_world)
+        _check_affine("camera_to_world", pose)
+        return cls._perspective_of(np.linalg.inv(pose), fov_y, near, far)
+
+    @classmethod
+    def from_intrinsics(cls, K, world_to_camera, *, width, height, pixel_center=0.0, near=None, far=None):
+        """A pinhole camera in OpenCV axes (x right, y down, z forward).
+
+        Args:
+            K: (3, 3) intrinsics in pixels of an image of `width` × `height`.
+            world_to_camera: (3, 4) or (4, 4) extrinsics.
+            pixel_center: the coordinate of the first pixel's centre in K's convention: 0 for OpenCV,
+                0.5 for COLMAP and PyTorch3D.
+        """
+        k = _check.matrix("K", K, ((3, 3),))
+        if k[1, 0] != 0 or tuple(k[2]) != (0, 0, 1) or k[0, 0] <= 0 or k[1, 1] <= 0:
+            raise ParameterError(f"K must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0, got {k.tolist()}")
+        width, height = _size("width", width), _size("height", height)
+        extrinsics = np.eye(4)
+        given = _check.matrix("world_to_camera", world_to_camera, ((3, 4), (4, 4)))
+        extrinsics[: len(given)] = given
+        shift = 0.5 - _check.number("pixel_center", pixel_center)
+        camera = cls.__new__(cls)
+        camera._set_view(np.diag([1.0, -1.0, -1.0, 1.0]) @ extrinsics, "world_to_camera")
+        # x = fx X/Z + s Y/Z + cx with Y = −y_eye, Z = −z_eye, then to NDC; the last row makes w = −z_eye.
+        cx, cy = k[0, 2] + shift, k[1, 2] + shift
+        camera._xy = np.array(
+            [
+                [2 * k[0, 0] / width, -2 * k[0, 1] / width, 1 - 2 * cx / width, 0],
+                [0, 2 * k[1, 1] / height, 2 * cy / height - 1, 0],
+            ]
+        )
+        camera._set_lens(perspective=True, near=near, far=far)
+        camera._aspect, camera._size = width / height, (width, height)
+        return camera
+
+    @classmethod
+    def fit(cls, scene, *, azimuth=30.0, elevation=20.0, up=(0, 1, 0), fov_y=45.0, margin=1.05):
+        """A perspective that frames the scene's bounding sphere, whatever the image's size.
+
+        Args:
+            scene: Scene or what `Scene.add` takes.
+            azimuth: degrees around `up`, counter-clockwise from above; 0 looks along −Z.
+            elevation: degrees above the horizon.
+            margin: the sphere's part of the smaller field of view, as 1/margin.
+        """
+        from .scene import as_scene
+
+        return _FittedCamera(
+            as_scene(scene),
+            _check.number("azimuth", azimuth),
+            _check.number("elevation", elevation),
+            _check.vector("up", up),
+            _fov(fov_y),
+            _check.number("margin", margin, 0, open_ends=True),
+        )
+
+    def project(self, points, width, height):
+        """Where points land: xy (N, 2) in pixels and eye depth (N,), float64.
+
+        Behind a perspective's eye, depth is negative and xy is NaN.
+
+        Args:
+            points: (N, 3) world positions.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ParameterError(f"points must have shape (N, 3), got {points.shape}")
+        view, projection = self.matrices(width, height)
+        eye = points @ view[:3, :3].T + view[:3, 3]
+        clip = eye @ projection[:, :3].T + projection[:, 3]
+        w = np.where(clip[:, 3] > 0, clip[:, 3], np.nan)
+        ndc = clip[:, :2] / w[:, None]
+        return (ndc * (0.5, -0.5) + 0.5) * (width, height), -eye[:, 2]
+
+    def matrices(self, width, height):
+        """view (4, 4) and projection (4, 4), clip z from 0 at near to 1 at far, for an image of this size.
+
+        Without near, z is cut at a 1e-6 of the unit; without far, at infinity.
+
+        Raises:
+            ParameterError: the camera is for another aspect ratio, by more than a pixel in width.
+        """
+        width, height = _size("width", width), _size("height", height)
+        camera = self._at(width, height)
+        projection = np.zeros((4, 4))
+        projection[:2] = camera._xy
+        if camera._aspect is None:
+            projection[0] *= height / width
+        elif abs(camera._aspect * height - width) > 1:
+            raise ParameterError(
+                f"the camera's aspect ratio is {camera._aspect:.6g}, but the image is {width}×{height}: "
+                f"for this height its width is {camera._aspect * height:.6g}"
+            )
+        if camera._perspective:
+            near, far = camera.near or 1e-6, camera.far
+            # z = a·(−z_eye) + b with z/w = 0 at near and 1 at far.
+            slope = 1.0 if far is None else far / (far - near)
+            projection[2, 2:], projection[3, 2] = (-slope, -slope * near), -1
+        else:
+            near = camera.near or 0.0
+            depth = 1e9 if camera.far is None else camera.far - near
+            projection[2, 2:], projection[3, 3] = (-1 / depth, -near / depth), 1
+        return camera.view.copy(), projection
+
+    def _parts(self, width, height):
+        """As the core takes it."""
+        camera = self._at(width, height)
+        view, projection = camera.matrices(width, height)
+        return {"view": view, "projection": projection, "near": camera.near, "far": camera.far}
+
+    @property
+    def is_perspective(self) -> bool:
+        return bool(self._perspective)
+
+    def _at(self, width, height):
+        """The camera for an image of this size."""
+        return self
+
+    @classmethod
+    def _perspective_of(cls, view, fov_y, near, far):
+        camera = cls.__new__(cls)
+        camera._set_view(view)
+        focal = 1 / np.tan(np.radians(_fov(fov_y)) / 2)
+        camera._xy = np.array([[focal, 0, 0, 0], [0, focal, 0, 0]])
+        camera._set_lens(perspective=True, near=near, far=far)
+        return camera
+
+    def _set_view(self, view, name="view"):
+        view = _check.matrix(name, view)
+        _check_affine(name, view)
+        self.view = view
+
+    def _set_lens(self, *, perspective, near, far):
+        """For square pixels and any aspect; near and far are eye depths."""
+        low = 0.0 if perspective else -np.inf
+        near = None if near is None else _check.number("near", near, low, open_ends=perspective)
+        far = None if far is None else _check.number("far", far, low, open_ends=perspective)
+        if far is not None and far <= (near or 0.0):
+            raise ParameterError(f"far must be beyond near, got near={near} far={far}")
+        self.near, self.far = near, far
+        self._perspective, self._aspect, self._size = perspective, None, None
+
+    def __repr__(self):
+        kind = "perspective" if self._perspective else "orthographic"
+        return f"Camera({kind}, near={self.near}, far={self.far})"
+
+
+class _FittedCamera(Camera):
+    """A camera that waits for the scene to be complete and the image's size to be known."""
+
+    def __init__(self, scene, azimuth, elevation, up, fov_y, margin):
+        self._fit = scene, azimuth, elevation, up, fov_y, margin
+        self._size = self._aspect = None
+        self._perspective, self.near, self.far = True, None, None
+
+    def _at(self, width, height):
+        scene, azimuth, elevation, up, fov_y, margin = self._fit
+        center = scene.bounds.mean(axis=0)
+        squares = [((mesh.positions - center) ** 2).sum(axis=1).max() for mesh in scene.meshes if len(mesh.positions)]
+        radius = np.sqrt(max(squares)) or 1.0
+        half = np.radians(fov_y) / 2
+        smaller = min(half, np.arctan(np.tan(half) * width / height))
+        a, e = np.radians([azimuth, elevation])
+        towards_eye = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+        turn = _turn_y_to(up)
+        eye = center + turn @ towards_eye * (margin * radius / np.sin(smaller))
+        # Straight down, the horizon is up: the derivative of the direction with the elevation.
+        top = turn @ np.array([-np.sin(a) * np.sin(e), np.cos(e), -np.cos(a) * np.sin(e)])
+        return Camera.look_at(eye, center, top, fov_y=fov_y)
+
+    @property
+    def view(self):
+        return self._at(1, 1).view
+
+    def __repr__(self):
+        return "Camera.fit(...)"
+
+
+def _size(name, value):
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or not 1 <= value <= 16384:
+        raise ParameterError(f"{name} must be an integer from 1 to 16384 pixels, got {value!r}")
+    return int(value)
+
+
+def _fov(fov_y):
+    fov_y = _check.number("fov_y", fov_y, 0, 180, open_ends=True)
+    if fov_y < 3.2:
+        warnings.warn(f"fov_y is in degrees: {fov_y} is very narrow; radians?", UserWarning, stacklevel=4)
+    return fov_y
+
+
+def _check_affine(name, m):
+    if tuple(m[3]) != (0, 0, 0, 1):
+        hint = ": it looks transposed, matrices multiply columns" if tuple(m[:3, 3]) == (0, 0, 0) else ""
+        raise ParameterError(f"{name}'s last row must be (0, 0, 0, 1), got {m[3].tolist()}{hint}")
+    if abs(np.linalg.det(m[:3, :3])) < 1e-12 * max(np.abs(m[:3, :3]).max(), 1e-300) ** 3:
+        raise ParameterError(f"{name} is singular: {m.tolist()}")
+
+
+def _looking(eye, target, up):
+    """World to eye, (4, 4)."""
+    eye, target, up = _check.vector("eye", eye), _check.vector("target", target), _check.vector("up", up)
+    back = eye - target
+    if not back.any():
+        raise ParameterError(f"eye and target are the same point, {eye.tolist()}")
+    back = back / np.linalg.norm(back)
+    if not up.any():
+        raise ParameterError("up must not be zero")
+    right = np.cross(up / np.linalg.norm(up), back)
+    if np.linalg.norm(right) < 1e-9:
+        raise ParameterError(f"up {up.tolist()} is along the view from {eye.tolist()} to {target.tolist()}")
+    right /= np.linalg.norm(right)
+    view = np.eye(4)
+    view[:3, :3] = right, np.cross(back, right), back
+    view[:3, 3] = -view[:3, :3] @ eye
+    return view
+
+
+def _turn_y_to(up):
+    """The smallest rotation (3, 3) that takes +Y to `up`."""
+    if not up.any():
+        raise ParameterError("up must not be zero")
+    x, y, z = up / np.linalg.norm(up)
+    if y < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    return np.array(
+        [
+            [1 - x * x / (1 + y), x, -x * z / (1 + y)],
+            [-x, y, -z],
+            [-x * z / (1 + y), z, 1 - z * z / (1 + y)],
+        ]
+    )
+
+
+def _depths(row, clip_z, perspective):
+    """Eye depths of the near and far planes of a projection's z row, None where there is none."""
+    try:
+        ends = tuple(float(v) for v in clip_z)
+    except (TypeError, ValueError):
+        ends = ()
+    if ends not in ((0.0, 1.0), (-1.0, 1.0), (1.0, 0.0)):
+        raise ParameterError(f"clip_z must be (0, 1) or (-1, 1), got {clip_z!r}")
+    a, b = row[2], row[3]
+    depths = []
+    for end in ends:
+        # Perspective: (a z + b) / −z = end at depth −z. Orthographic: a z + b = end.
+        slope = a + end if perspective else a
+        offset = b if perspective else b - end
+        depth = offset / slope if slope != 0 else np.inf
+        depths.append(depth if not perspective or depth > 0 else np.inf)
+    near, far = sorted(depths)
+    if not np.isfinite(near):
+        near = None if perspective else -np.inf
+    return (None if near is None or not np.isfinite(near) else near), (far if np.isfinite(far) else None)

@@ -1,0 +1,145 @@
+"""What a render returns."""
+
+import json
+import warnings
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from . import _core
+from .errors import ParameterError
+from .fragments import Fragments, as_background
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What a render measured."""
+
+    fragments: int  # of all pixels, before anything was skipped because it could not be seen
+    max_depth_complexity: int | None  # fragments of the deepest pixel; None where counting would cost
+    dropped_fragments: int  # 0 where exact
+    rejected_triangles: int  # finite triangles whose transformed values are not
+    bands: int  # parts that the image was rendered in, to stay within memory
+    bytes: dict = field(default_factory=dict)  # held at most, per use
+    ms: dict = field(default_factory=dict)  # per stage, in the order they ran
+    device: str = ""
+
+    def __str__(self):
+        stages = ", ".join(f"{stage} {ms:.2f}" for stage, ms in self.ms.items())
+        deepest = "" if self.max_depth_complexity is None else f", at most {self.max_depth_complexity} in a pixel"
+        return f"{self.fragments:,} fragments{deepest}; ms: {stages}; on {self.device}"
+
+
+class Plan(tuple):
+    """Every choice that was made for a render, and why: rows of (what, choice, why)."""
+
+    def __str__(self):
+        return "\n".join(f"{what}: {choice} ({why})" for what, choice, why in self)
+
+    __repr__ = __str__
+
+    def __getitem__(self, index):
+        if isinstance(index, str):
+            return next(choice for what, choice, _ in self if what == index)
+        return super().__getitem__(index)
+
+
+@dataclass(frozen=True, repr=False)
+class Frame:
+    """An image and the fragment lists behind it.
+
+    Attributes:
+        image: (H, W, 4) float32, or float64 if asked for; row 0 on top, premultiplied, over the background.
+        counts: (H, W) int32 fragments a pixel, None if not asked for.
+        fragments: the lists, None if not asked for.
+        stats: what was measured.
+        plan: what was chosen, and why.
+    """
+
+    image: np.ndarray
+    counts: np.ndarray | None
+    fragments: Fragments | None
+    stats: Stats
+    plan: Plan
+
+    def __repr__(self):
+        height, width = self.image.shape[:2]
+        return f"Frame({height}×{width}, {self.stats})"
+
+    @property
+    def straight(self) -> np.ndarray:
+        """The image with alpha divided out, (H, W, 4): for imshow, PIL and PNG. 0 where alpha is 0."""
+        alpha = self.image[..., 3:]
+        rgb = np.divide(self.image[..., :3], alpha, out=np.zeros_like(self.image[..., :3]), where=alpha > 0)
+        return np.concatenate([rgb, alpha], axis=-1)
+
+    def to_uint8(self, srgb=False, background=None) -> np.ndarray:
+        """For display: (H, W, 4) uint8, straight.
+
+        Args:
+            srgb: encode RGB with the sRGB transfer function; give it if your colours are linear light.
+            background: straight, grey, (3|4,) or (H, W, 3|4), put behind the image first.
+
+        Where colour exceeds alpha, straight RGBA cannot hold it: the image is then put over black, with a
+        warning.
+        """
+        image = self.image.astype(np.float64)
+        if background is not None:
+            behind = as_background(background, image.shape[:2])
+            alpha = image[..., 3:]
+            image = image + (1 - alpha) * np.concatenate(
+                np.broadcast_arrays(behind[..., :3] * behind[..., 3:], behind[..., 3:])[:1] + [behind[..., 3:]], axis=-1
+            )
+        alpha = image[..., 3:]
+        # A few roundings over 1 are no excess.
+        if ((image[..., :3] > alpha * (1 + 1e-5) + 1e-7) & (alpha < 1)).any():
+            warnings.warn("colour exceeds alpha: shown over black", UserWarning, stacklevel=2)
+            rgb, alpha = image[..., :3], np.ones_like(alpha)
+        else:
+            rgb = np.divide(image[..., :3], alpha, out=np.zeros_like(image[..., :3]), where=alpha > 0)
+        rgb = np.clip(rgb, 0, 1)
+        if srgb:
+            rgb = encode_srgb(rgb)
+        return np.rint(np.concatenate([rgb, np.clip(alpha, 0, 1)], axis=-1) * 255).astype(np.uint8)
+
+    def save(self, path, *, srgb=False, background=None):
+        """Writes a .png (see `to_uint8`) or an .npz with everything, which `load` reads."""
+        path = str(path)
+        if path.endswith(".png"):
+            with open(path, "wb") as file:
+                file.write(_core.encode_png(self.to_uint8(srgb, background)))
+        elif path.endswith(".npz"):
+            arrays = {"image": self.image, "stats": np.array(json.dumps(asdict(self.stats)))}
+            arrays["plan"] = np.array(json.dumps(list(self.plan)))
+            if self.counts is not None:
+                arrays["counts"] = self.counts
+            if self.fragments is not None:
+                arrays |= {f"fragments_{k}": v for k, v in self.fragments._arrays().items()}
+            np.savez_compressed(path, **arrays)
+        else:
+            raise ParameterError(f"a frame saves as .png or .npz, got {path!r}")
+
+    @classmethod
+    def load(cls, path):
+        """Reads an .npz that `save` wrote."""
+        with np.load(path, allow_pickle=False) as arrays:
+            if "image" not in arrays:
+                raise ParameterError(f"{path} holds no frame")
+            prefix = "fragments_"
+            lists = {k[len(prefix) :]: arrays[k] for k in arrays if k.startswith(prefix)}
+            return cls(
+                arrays["image"],
+                arrays.get("counts"),
+                Fragments._from_arrays(lists) if lists else None,
+                Stats(**json.loads(str(arrays["stats"]))),
+                Plan(tuple(row) for row in json.loads(str(arrays["plan"]))),
+            )
+
+    def _repr_png_(self):
+        return _core.encode_png(self.to_uint8())
+
+
+def encode_srgb(linear):
+    """Linear light to sRGB, IEC 61966-2-1."""
+    curved = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, curved)

@@ -1,0 +1,225 @@
+"""One mesh: triangles with straight RGBA, and how they are drawn."""
+
+import numpy as np
+
+from . import _check
+from .errors import ParameterError, SceneError
+
+BLENDS = ("over",)
+COLOR_MODES = ("one", "vertex", "face", "corner")
+DEFAULT_COLOR = (0.30, 0.55, 0.85, 0.5)
+
+
+class Mesh:
+    """Triangles with colours. Checked once, here; read-only afterwards.
+
+    Args:
+        positions: (N, 3) float32 or float64, world units, kept as given; or (T, 3, 3), one row a triangle.
+        faces: (M, 3) integer indices into positions. None: every three positions are a triangle.
+        colors: straight RGB or RGBA, (3|4,) one, (N, 3|4) a vertex, (M, 3|4) a face, (M, 3, 3|4) a corner.
+            Floats as they are: RGB at least 0 and unbounded, alpha in [0, 1]. uint8 is value/255; other
+            integers may only be 0 and 1. Three channels have alpha 1.
+        color_mode: "one", "vertex", "face" or "corner"; needed only where N == M leaves it open.
+        alpha: in [0, 1], multiplies the colours' alpha.
+        blend: "over".
+        opaque: hides what is behind; alpha is then ignored.
+        alpha_cutoff: of an opaque mesh, in [0, 1]: fragments of less alpha are discarded.
+        cull: "back" or "front" drops that side; counter-clockwise is the front. None: two-sided.
+        name: for people.
+
+    Raises:
+        SceneError: wrong shape or dtype, a non-finite or negative value, a face index out of range.
+
+    >>> Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], colors=(1, 0, 0, .5))
+    Mesh(1 face, 3 vertices, one color)
+    """
+
+    __slots__ = (
+        "alpha_cutoff",
+        "blend",
+        "color_mode",
+        "colors",
+        "cull",
+        "faces",
+        "name",
+        "opaque",
+        "positions",
+    )
+
+    def __init__(
+        self,
+        positions,
+        faces=None,
+        colors=DEFAULT_COLOR,
+        *,
+        color_mode=None,
+        alpha=None,
+        blend="over",
+        opaque=False,
+        alpha_cutoff=None,
+        cull=None,
+        name=None,
+    ):
+        positions = _positions(positions)
+        faces = _faces(faces, len(positions))
+        if faces is None and len(positions) % 3:
+            raise SceneError(f"positions has {len(positions)} rows; without faces every three are a triangle")
+        count = len(positions) // 3 if faces is None else len(faces)
+        colors = _check.straight_rgba("colors", colors)
+        color_mode = _color_mode(colors.shape, len(positions), count, color_mode)
+        if alpha is not None:
+            colors = _scaled(colors, _check.number("alpha", alpha, 0, 1))
+        if alpha_cutoff is not None:
+            alpha_cutoff = _check.number("alpha_cutoff", alpha_cutoff, 0, 1)
+            if not opaque:
+                raise ParameterError("alpha_cutoff is for opaque meshes: give opaque=True with it")
+        fields = {
+            "positions": positions,
+            "faces": faces,
+            "colors": colors,
+            "color_mode": color_mode,
+            "blend": _check.choice("blend", blend, BLENDS),
+            "opaque": bool(opaque),
+            "alpha_cutoff": alpha_cutoff,
+            "cull": _check.choice("cull", cull, (None, "back", "front")),
+            "name": name,
+        }
+        for field, value in fields.items():
+            if isinstance(value, np.ndarray):
+                value = value.view()
+                value.flags.writeable = False
+            object.__setattr__(self, field, value)
+
+    def __setattr__(self, field, value):
+        raise AttributeError(f"a Mesh is read-only: make another with another {field}")
+
+    __delattr__ = __setattr__
+
+    def __reduce__(self):
+        return _rebuild, (self._fields(),)
+
+    def __repr__(self):
+        faces = "1 face" if self.face_count == 1 else f"{self.face_count} faces"
+        opaque = ", opaque" if self.opaque else ""
+        name = f"{self.name!r}, " if self.name else ""
+        return f"Mesh({name}{faces}, {len(self.positions)} vertices, {self.color_mode} color{opaque})"
+
+    @property
+    def face_count(self) -> int:
+        return len(self.positions) // 3 if self.faces is None else len(self.faces)
+
+    def triangles(self) -> np.ndarray:
+        """Corner positions, (M, 3, 3)."""
+        return self.positions.reshape(-1, 3, 3) if self.faces is None else self.positions[self.faces]
+
+    def replaced(self, **changes) -> "Mesh":
+        """A copy with some of the constructor's arguments changed.
+
+        >>> float(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]]).replaced(alpha=.5).colors[3])
+        0.25
+        """
+        fields = self._fields()
+        if "colors" in changes:
+            fields["color_mode"] = None
+        return Mesh(**(fields | changes))
+
+    def transformed(self, matrix) -> "Mesh":
+        """A copy moved by an affine (4, 4), `M @ column`, in float64. A mirrored mesh keeps its front."""
+        m = _check.matrix("transform", matrix)
+        if tuple(m[3]) != (0, 0, 0, 1):
+            raise ParameterError(f"transform's last row must be (0, 0, 0, 1), got {m[3].tolist()}: transposed?")
+        cull = self.cull
+        if cull and np.linalg.det(m[:3, :3]) < 0:
+            cull = "front" if cull == "back" else "back"  # a mirror reverses the winding, not the side
+        return self.replaced(positions=self.positions.astype(np.float64) @ m[:3, :3].T + m[:3, 3], cull=cull)
+
+    def _fields(self) -> dict:
+        return {field: getattr(self, field) for field in Mesh.__slots__}
+
+    def _parts(self) -> dict:
+        """As the core takes it."""
+        colors = self.colors.reshape(-1, 4)
+        return {
+            "positions": self.positions,
+            "faces": self.faces,
+            "color_mode": self.color_mode,
+            "colors": colors,
+            "opaque": self.opaque,
+            "alpha_cutoff": self.alpha_cutoff or 0.0,
+            "cull": self.cull,
+        }
+
+
+def _rebuild(fields):
+    return Mesh(**fields)
+
+
+def _positions(values):
+    try:
+        array = np.asarray(values)
+    except ValueError as e:
+        raise SceneError(f"positions is not an array: {e}") from None
+    if array.dtype.kind not in "fiu":
+        raise SceneError(f"positions must be numbers, got dtype {array.dtype}")
+    if array.ndim == 3 and array.shape[1:] == (3, 3):
+        array = array.reshape(-1, 3)
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        hint = ": transpose it" if array.ndim == 2 and array.shape[0] == 3 else ""
+        raise SceneError(f"positions must have shape (N, 3) or (T, 3, 3), got {array.shape}{hint}")
+    if array.dtype not in (np.float32, np.float64):
+        array = array.astype(np.float32 if array.dtype == np.float16 else np.float64)
+    _check.first_bad("positions", ~np.isfinite(array), array, "positions must be finite")
+    return np.ascontiguousarray(array)
+
+
+def _faces(values, vertices):
+    if values is None:
+        return None
+    try:
+        array = np.asarray(values)
+    except ValueError as e:
+        raise SceneError(f"faces is not an array: {e}") from None
+    if array.size == 0:
+        array = np.zeros((0, 3), np.uint32)
+    if array.dtype.kind not in "iu":
+        raise SceneError(f"faces must be integers, got dtype {array.dtype}")
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise SceneError(f"faces must have shape (M, 3), got {array.shape}")
+    bad = (array < 0) | (array >= vertices)
+    _check.first_bad("faces", bad, array, f"there are {vertices} positions, 0 to {vertices - 1}")
+    return np.ascontiguousarray(array, dtype=np.uint32)
+
+
+def _color_mode(shape, vertices, faces, given):
+    """What a colour array of this shape is given for."""
+    fitting = {
+        "one": shape == (4,),
+        "vertex": shape == (vertices, 4),
+        "face": shape == (faces, 4),
+        "corner": shape == (faces, 3, 4),
+    }
+    if given is not None:
+        _check.choice("color_mode", given, COLOR_MODES)
+        if not fitting[given]:
+            raise SceneError(
+                f"colors of shape {shape} (with alpha) are not one a {given}: "
+                f"there are {vertices} positions and {faces} faces"
+            )
+        return given
+    modes = [mode for mode, fits in fitting.items() if fits]
+    if not modes:
+        raise SceneError(f"colors of shape {shape} (with alpha) fit neither {vertices} positions nor {faces} faces")
+    if len(modes) > 1:
+        raise SceneError(
+            f"colors of {vertices} rows fit both the positions and the faces: "
+            'say color_mode="vertex" or color_mode="face"'
+        )
+    return modes[0]
+
+
+def _scaled(colors, alpha):
+    colors = colors.copy()
+    colors[..., 3] *= alpha
+    return colors

@@ -1,0 +1,148 @@
+"""One call from a scene to a frame."""
+
+import re
+
+import numpy as np
+
+from . import _check, _core
+from .camera import Camera, _size
+from .errors import ParameterError, UnsupportedError
+from .fragments import METHODS, Fragments, as_background
+from .frame import Frame, Plan, Stats
+from .mesh import Mesh
+from .scene import as_scene
+
+PIPELINES = {
+    "tiles": "triangles binned to tiles, each pixel's fragments sorted in cache; on the CPU",
+    "linked_list": "per-pixel linked lists on the hardware rasteriser; on a GPU",
+}
+
+
+def render(
+    scene,
+    camera=None,
+    *,
+    width=None,
+    height=None,
+    method="exact",
+    pipeline="auto",
+    device="auto",
+    samples=1,
+    background=(0, 0, 0, 0),
+    fragments=False,
+    precision="float32",
+    memory=None,
+    **options,
+) -> Frame:
+    """Renders a scene: the exact image whatever order the triangles come in, and the lists behind it.
+
+    Args:
+        scene: Scene, or anything that `Scene.add` takes.
+        camera: Camera. None: `Camera.fit(scene)`.
+        width, height: pixels. None: the camera's own size, else the background image's, else 640×480.
+        method: one of `methods()`.
+        pipeline: "auto" or one of `pipelines()`.
+        device: "auto", "cpu", "gpu" or a part of a device's name. "auto" is a real GPU if there is one, else
+            the CPU; the environment variable ABUFFER_DEVICE sets what it means.
+        samples: 1.
+        background: straight: grey, (3|4,) or (H, W, 3|4). Three channels have alpha 1.
+        fragments: True: the lists too; "count": their lengths; "all": opaque surfaces too, hiding nothing.
+        precision: "float32", or "float64" on the CPU.
+        memory: bytes, or "2GiB", that lists, bins and scratch may take; not what is returned.
+
+    Raises:
+        SceneError, ParameterError, DeviceError, UnsupportedError, CapacityError: see `abuffer.errors`.
+
+    >>> triangle = Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0, 0, .5))
+    >>> frame = render([triangle, triangle], width=64, height=48, device="cpu", fragments=True)
+    >>> frame.image[24, 32].tolist(), frame.fragments[24, 32].primitive.tolist()
+    ([0.75, 0.0, 0.0, 0.75], [1, 0])
+    """
+    _check.choice("method", method, METHODS)
+    _check.choice("pipeline", pipeline, ("auto", *PIPELINES))
+    _check.choice("precision", precision, ("float32", "float64"))
+    _check.options(options, (), f"method {method!r}")
+    if samples != 1:
+        raise UnsupportedError(f"samples must be 1, got {samples!r}")
+    if not (fragments in (False, True) or fragments in ("count", "all")):
+        raise ParameterError(f'fragments must be False, "count", True or "all", got {fragments!r}')
+    scene = as_scene(scene)
+    if camera is None:
+        camera = Camera.fit(scene)
+    elif not isinstance(camera, Camera):
+        raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
+    width, height = _image_size(width, height, camera, background)
+    background = as_background(background, (height, width))
+    plan = []
+    _choose(pipeline, device, precision, plan)
+    request = {
+        "width": width,
+        "height": height,
+        "lists": {False: "none", True: "translucent"}.get(fragments, fragments),
+        "memory": _bytes(memory),
+    }
+    parts = [mesh._parts() for mesh in scene.meshes]
+    view = camera._parts(width, height)
+    dtype = np.float64 if precision == "float64" else np.float32
+    behind = np.ascontiguousarray(background, dtype) if background.ndim == 3 else background.astype(np.float64).tolist()
+    output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
+    return _frame(output, scene, plan, (height, width), background, fragments)
+
+
+def render_triangles(positions, colors, camera, **kw) -> Frame:
+    """Renders (T, 3, 3) positions with colours as `Mesh` takes them: `render(Mesh(positions, ...), ...)`.
+
+    >>> camera = Camera.look_at((0, 0, 3), (0, 0, 0))
+    >>> frame = render_triangles([[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]], (1, 1, 1), camera, device="cpu")
+    >>> frame.image[240, 320].tolist()
+    [1.0, 1.0, 1.0, 1.0]
+    """
+    return render(Mesh(positions, colors=colors), camera, **kw)
+
+
+def _choose(pipeline, device, precision, plan):
+    """The device and pipeline, with the reasons put into `plan`."""
+    plan.append(("device", "cpu", "the only one"))
+    plan.append(("pipeline", "tiles", "the only one"))
+
+
+def _frame(output, scene, plan, shape, background, asked):
+    stats = output["stats"]
+    plan.append(
+        ("bands", str(stats["bands"]), "all fits in memory" if stats["bands"] == 1 else "to stay within memory")
+    )
+    if asked and stats["fragments"] == 0 and scene.triangle_count:
+        opaque = [mesh.opaque for mesh in scene.meshes if mesh.face_count]
+        why = (
+            'every mesh is opaque, and opaque surfaces are the background: fragments="all" lists them'
+            if all(opaque)
+            else "no translucent triangle covers a pixel in front of what is opaque"
+        )
+        plan.append(("fragments", "none", why))
+    lists = None
+    if "offsets" in output:
+        lists = Fragments._of(shape, output, output.get("background", background))
+    return Frame(output["image"], output.get("counts"), lists, Stats(**stats), Plan(plan))
+
+
+def _image_size(width, height, camera, background):
+    if (width is None) != (height is None):
+        raise ParameterError("give both width and height, or neither")
+    if width is None:
+        image = np.shape(background)
+        width, height = camera._size or (image[1::-1] if len(image) == 3 else (640, 480))
+    return _size("width", width), _size("height", height)
+
+
+def _bytes(memory):
+    """Bytes from an integer or text such as "2GiB"."""
+    if memory is None:
+        return None
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*", str(memory), re.IGNORECASE)
+    if isinstance(memory, bool) or not match:
+        raise ParameterError(f'memory must be bytes or text such as "2GiB", got {memory!r}')
+    number, prefix, binary = match.groups()
+    size = float(number) * (1024 if binary else 1000) ** " kmgt".index(prefix.lower() or " ")
+    if size < 1:
+        raise ParameterError(f"memory must be at least 1 byte, got {memory!r}")
+    return min(int(size), 2**63)

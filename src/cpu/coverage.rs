@@ -1,0 +1,161 @@
+//! Which pixel centres a snapped triangle covers: integer edge functions and the top-left rule, so that
+//! two triangles that share an edge never both cover a centre, and never both miss it (Pineda 1988).
+
+use super::setup::Record;
+
+/// The three edge functions of a triangle, relative to the centre of the first pixel of a region of at
+/// most 16×16: pixel (i, j) is inside where `q + a·i + b·j ≥ 0` for all three.
+#[derive(Debug, Clone, Copy)]
+pub struct Edges {
+    a: [i32; 3],
+    b: [i32; 3],
+    q: [i32; 3],
+}
+
+impl Edges {
+    /// `x0`, `y0`: the region's first pixel.
+    pub fn new<T>(record: &Record<T>, x0: i32, y0: i32) -> Self {
+        // The centre of pixel i lies at 256 i + 128.
+        let (cx, cy) = (256 * x0 + 128, 256 * y0 + 128);
+        let mut edges = Self { a: [0; 3], b: [0; 3], q: [0; 3] };
+        for i in 0..3 {
+            let j = (i + 1) % 3;
+            let (dx, dy) = (record.x[j] - record.x[i], record.y[j] - record.y[i]);
+            let value =
+                i64::from(dx) * i64::from(cy - record.y[i]) - i64::from(dy) * i64::from(cx - record.x[i]);
+            let top_or_left = dy < 0 || (dy == 0 && dx > 0);
+            let value = value - i64::from(!top_or_left);
+            // Whole pixels move an edge function by multiples of 256, so flooring by it changes no sign.
+            // The clamp cannot either: |a|, |b| < 2^24.6, so 15 steps of each add less than 2^30.
+            edges.q[i] = (value >> 8).clamp(-(1 << 30), 1 << 30) as i32;
+            edges.a[i] = -dy;
+            edges.b[i] = dx;
+        }
+        edges
+    }
+
+    /// No pixel of a `w` × `h` region can be inside.
+    pub fn misses(&self, w: i32, h: i32) -> bool {
+        (0..3).any(|e| self.q[e] + (self.a[e] * (w - 1)).max(0) + (self.b[e] * (h - 1)).max(0) < 0)
+    }
+
+    /// The covered pixels of row `j` among columns `from..to`: one span, since a triangle is convex.
+    #[inline]
+    pub fn span(&self, j: i32, from: i32, to: i32) -> std::ops::Range<i32> {
+        let at = |i: i32| -> [i32; 3] { std::array::from_fn(|e| self.q[e] + self.b[e] * j + self.a[e] * i) };
+        let mut e = at(from);
+        let mut start = from;
+        while start < to && (e[0] | e[1] | e[2]) < 0 {
+            start += 1;
+            e = [e[0] + self.a[0], e[1] + self.a[1], e[2] + self.a[2]];
+        }
+        let mut end = start;
+        while end < to && (e[0] | e[1] | e[2]) >= 0 {
+            end += 1;
+            e = [e[0] + self.a[0], e[1] + self.a[1], e[2] + self.a[2]];
+        }
+        start..end
+    }
+
+    /// All pixels of a `w` × `h` region are inside.
+    pub fn contains(&self, w: i32, h: i32) -> bool {
+        (0..3).all(|e| self.q[e] + (self.a[e] * (w - 1)).min(0) + (self.b[e] * (h - 1)).min(0) >= 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::setup::{FLAT, Plane};
+
+    fn record(x: [i32; 3], y: [i32; 3]) -> Record<f32> {
+        let plane = Plane { value: 0.0, gx: 0.0, gy: 0.0, low: 0.0, high: 0.0 };
+        Record {
+            x,
+            y,
+            anchor: [0.0; 2],
+            key_plane: plane,
+            color: [0.0; 4],
+            gradient: FLAT,
+            primitive: 0,
+            mesh: 0,
+        }
+    }
+
+    /// A small deterministic generator: the fuzz needs spread, not quality.
+    struct Lcg(u64);
+    impl Lcg {
+        fn within(&mut self, range: i64) -> i32 {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (((self.0 >> 33) as i64) % (2 * range) - range) as i32
+        }
+    }
+
+    /// The definition, in 128 bits at the snapped scale.
+    fn inside(r: &Record<f32>, px: i32, py: i32) -> bool {
+        (0..3).all(|i| {
+            let j = (i + 1) % 3;
+            let (dx, dy) = (i128::from(r.x[j] - r.x[i]), i128::from(r.y[j] - r.y[i]));
+            let e = dx * (256 * i128::from(py) + 128 - i128::from(r.y[i]))
+                - dy * (256 * i128::from(px) + 128 - i128::from(r.x[i]));
+            if dy < 0 || (dy == 0 && dx > 0) { e >= 0 } else { e > 0 }
+        })
+    }
+
+    #[test]
+    fn spans_equal_the_definition_for_coordinates_of_any_size() {
+        let mut random = Lcg(7);
+        let mut covered = 0;
+        for round in 0..20_000 {
+            // From a few pixels to the guard band of a 16384-pixel viewport, 2^23 units and over.
+            let range = [600, 5_000, 300_000, 12_000_000][round % 4];
+            let mut x: [i32; 3] = std::array::from_fn(|_| random.within(range));
+            let mut y: [i32; 3] = std::array::from_fn(|_| random.within(range));
+            if round % 3 == 0 {
+                (x[0], y[1]) = (256 * (x[0] >> 8) + 128, y[0]); // through centres, and horizontal
+            }
+            let area = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0])
+                - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
+            if area < 0 {
+                x.swap(1, 2);
+                y.swap(1, 2);
+            }
+            let r = record(x, y);
+            // A region near a vertex, where edges are.
+            let (x0, y0) = ((x[0] >> 8) + random.within(20), (y[0] >> 8) + random.within(20));
+            let edges = Edges::new(&r, x0, y0);
+            let mut any = false;
+            let mut all = true;
+            for j in 0..16 {
+                let span = edges.span(j, 0, 16);
+                for i in 0..16 {
+                    let wanted = area != 0 && inside(&r, x0 + i, y0 + j);
+                    assert_eq!(area != 0 && span.contains(&i), wanted, "{x:?} {y:?} pixel {i} {j}");
+                    covered += usize::from(wanted);
+                    any |= wanted;
+                    all &= wanted;
+                }
+            }
+            assert!(!any || !edges.misses(16, 16));
+            assert!(area == 0 || edges.contains(16, 16) == all);
+        }
+        assert!(covered > 100_000, "the fuzz must hit triangles: {covered}");
+    }
+
+    #[test]
+    fn a_shared_edge_through_pixel_centres_is_covered_exactly_once() {
+        let at = |px: i32| 256 * px + 128;
+        // The diagonal of a square, on centres.
+        let upper = record([at(0), at(8), at(8)], [at(0), at(0), at(8)]);
+        let lower = record([at(0), at(8), at(0)], [at(0), at(8), at(8)]);
+        for j in 0..8 {
+            for i in 0..8 {
+                let hits = [&upper, &lower]
+                    .iter()
+                    .filter(|r| Edges::new(r, 0, 0).span(j, 0, 16).contains(&i))
+                    .count();
+                assert_eq!(hits, 1, "pixel {i} {j}");
+            }
+        }
+    }
+}

@@ -1,0 +1,366 @@
+//! Triangle setup: transform, canonical vertex order, clip, snap, and the planes that give depth and
+//! colour at any pixel.
+//!
+//! Coverage comes from vertices snapped to 1/256 pixel, so that it is integer and watertight. Depth and
+//! colour come from the *unsnapped* triangle: a plane anchored at a vertex and built from differences,
+//! clamped to the range of the vertices. (For 20-pixel triangles in float32, the 99th percentile of the
+//! relative depth error is 1e-5 this way, 8e-5 with a plane anchored at the image's corner and 5e-4 with
+//! the snapped vertices.) Under a perspective the planes hold 1/w and colour/w (Heckbert and Moreton 1991).
+
+use glam::{DVec3, DVec4};
+use rayon::prelude::*;
+
+use super::clip::{ClipVolume, Polygon, Vertex};
+use crate::camera::Camera;
+use crate::real::Real;
+use crate::scene::{Cull, Scene};
+
+/// Snapped units per pixel.
+pub const SUBPIXELS: i32 = 256;
+/// `Record::gradient` of a triangle of one colour.
+pub const FLAT: u32 = u32::MAX;
+
+/// A value that is linear on the screen: at the anchor, per pixel right and down, and its range.
+#[derive(Debug, Clone, Copy)]
+pub struct Plane<T> {
+    pub value: T,
+    pub gx: T,
+    pub gy: T,
+    pub low: T,
+    pub high: T,
+}
+
+impl<T: Real> Plane<T> {
+    #[inline]
+    pub fn unclamped(&self, dx: T, dy: T) -> T {
+        self.value + self.gx * dx + self.gy * dy
+    }
+
+    #[inline]
+    pub fn at(&self, dx: T, dy: T) -> T {
+        self.unclamped(dx, dy).clamped(self.low, self.high)
+    }
+}
+
+/// One convex piece of a triangle, ready to rasterise. An unclipped triangle is one piece.
+#[derive(Debug, Clone, Copy)]
+pub struct Record<T> {
+    /// Snapped vertices, 1/256 pixel, in the order that makes the area positive with y down.
+    pub x: [i32; 3],
+    pub y: [i32; 3],
+    /// Where the planes are anchored, in pixels.
+    pub anchor: [T; 2],
+    /// 1/w under a perspective, else the eye depth.
+    pub key_plane: Plane<T>,
+    /// The colour if `gradient` is `FLAT`.
+    pub color: [T; 4],
+    /// Index into `Setup::gradients`, or `FLAT`.
+    pub gradient: u32,
+    pub primitive: u32,
+    pub mesh: u32,
+}
+
+impl<T> Record<T> {
+    /// First and last pixel whose centre can be covered, on one axis.
+    fn pixels(v: [i32; 3]) -> (i32, i32) {
+        let (low, high) = (v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2]));
+        // Centres lie at 256 i + 128: round the low end up and the high end down to one.
+        ((low + SUBPIXELS / 2 - 1) >> 8, (high - SUBPIXELS / 2) >> 8)
+    }
+
+    /// Pixels whose centres the bounding box holds: x0, y0, x1, y1, all inclusive, cut to the viewport.
+    pub fn pixel_box(&self, width: u32, height: u32) -> [i32; 4] {
+        let (x0, x1) = Self::pixels(self.x);
+        let (y0, y1) = Self::pixels(self.y);
+        [x0.max(0), y0.max(0), x1.min(width as i32 - 1), y1.min(height as i32 - 1)]
+    }
+}
+
+/// What setup hands to binning and tiles.
+#[derive(Debug)]
+pub struct Setup<T> {
+    pub records: Vec<Record<T>>,
+    /// Colour planes, RGBA, of triangles whose corners differ.
+    pub gradients: Vec<[Plane<T>; 4]>,
+    /// Triangles with finite corners whose transformed values are not.
+    pub rejected: u64,
+    pub perspective: bool,
+}
+
+impl<T> Setup<T> {
+    pub fn bytes(&self) -> u64 {
+        (self.records.len() * size_of::<Record<T>>() + self.gradients.len() * size_of::<[Plane<T>; 4]>())
+            as u64
+    }
+}
+
+/// Everything about the view that a triangle needs, in the pipeline's precision.
+struct View<T> {
+    rows: [[T; 4]; 4],
+    volume: ClipVolume<T>,
+    center: DVec3,
+    width: T,
+    height: T,
+    viewport: (u32, u32),
+}
+
+const CHUNK: usize = 4096;
+
+/// Sets up all triangles, in submission order.
+pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) -> Setup<T> {
+    let rows = camera.clip_rows(scene.center);
+    let (near, far) = camera.depth_range();
+    let row = |r: DVec4| r.to_array().map(T::from_f64);
+    let view = View {
+        rows: [row(rows.x), row(rows.y), row(rows.w), row(rows.depth)],
+        volume: ClipVolume { near: T::from_f64(near), far: T::from_f64(far), perspective: rows.perspective },
+        center: scene.center,
+        width: T::from_i32(width as i32),
+        height: T::from_i32(height as i32),
+        viewport: (width, height),
+    };
+    let triangles = scene.triangle_count();
+    let mut setup = Setup {
+        records: Vec::with_capacity(triangles), // address space: pages are touched as records come
+        gradients: Vec::new(),
+        rejected: 0,
+        perspective: rows.perspective,
+    };
+    // A few chunks a thread at a time, so that what is copied together stays small beside the whole.
+    let batch = CHUNK * 4 * rayon::current_num_threads();
+    for start in (0..triangles).step_by(batch) {
+        let end = (start + batch).min(triangles);
+        let parts: Vec<Part<T>> = (start..end)
+            .step_by(CHUNK)
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|first| Part::of(scene, &view, first, (first + CHUNK).min(end)))
+            .collect();
+        for part in parts {
+            let shift = setup.gradients.len() as u32;
+            setup.records.extend(part.records.iter().map(|r| {
+                let gradient = if r.gradient == FLAT { FLAT } else { r.gradient + shift };
+                Record { gradient, ..*r }
+            }));
+            setup.gradients.extend_from_slice(&part.gradients);
+            setup.rejected += part.rejected;
+        }
+    }
+    setup
+}
+
+/// The records of a chunk of triangles.
+struct Part<T> {
+    records: Vec<Record<T>>,
+    gradients: Vec<[Plane<T>; 4]>,
+    rejected: u64,
+}
+
+impl<T: Real> Part<T> {
+    fn of(scene: &Scene, view: &View<T>, first: usize, end: usize) -> Self {
+        let mut part = Self { records: Vec::new(), gradients: Vec::new(), rejected: 0 };
+        let (mut mesh, mut face) = scene.locate(first);
+        for primitive in first..end {
+            while face == scene.meshes[mesh].face_count() {
+                (mesh, face) = (mesh + 1, 0);
+            }
+            if part.add(scene, view, mesh, face, primitive as u32).is_none() {
+                part.rejected += 1;
+            }
+            face += 1;
+        }
+        part
+    }
+
+    /// Adds what is visible of one triangle. `None` if its values overflow.
+    fn add(&mut self, scene: &Scene, view: &View<T>, mesh: usize, face: usize, primitive: u32) -> Option<()> {
+        let source = &scene.meshes[mesh];
+        let ids = source.vertex_ids(face);
+        let colors = source.corner_colors::<T>(face, ids);
+        let given: [Vertex<T>; 3] =
+            std::array::from_fn(|i| view.transform(source.positions.get(ids[i]), colors[i]));
+        if !given.iter().all(|v| (v.x + v.y + v.w + v.depth).is_finite()) {
+            return None;
+        }
+        if view.volume.misses(&given) {
+            return Some(());
+        }
+        let (vertices, flipped) = canonical(given);
+        let polygon = if view.volume.contains(&vertices) {
+            Polygon::triangle(vertices)
+        } else {
+            view.volume.clip(vertices)
+        };
+        let corners = polygon.corners();
+        if corners.len() < 3 {
+            return Some(());
+        }
+        let mut screen = [Corner::default(); 9];
+        for (corner, v) in screen.iter_mut().zip(corners) {
+            *corner = view.to_screen(v)?;
+        }
+        let screen = &screen[..corners.len()];
+
+        let first_piece = self.records.len();
+        for i in 1..screen.len() - 1 {
+            if let Some((x, y)) =
+                view.visible_piece([screen[0], screen[i], screen[i + 1]], flipped, source.cull)
+            {
+                self.records.push(Record {
+                    x,
+                    y,
+                    anchor: [T::ZERO; 2],
+                    key_plane: Plane {
+                        value: T::ZERO,
+                        gx: T::ZERO,
+                        gy: T::ZERO,
+                        low: T::ZERO,
+                        high: T::ZERO,
+                    },
+                    color: vertices[0].color,
+                    gradient: FLAT,
+                    primitive,
+                    mesh: mesh as u32,
+                });
+            }
+        }
+        if self.records.len() == first_piece {
+            return Some(());
+        }
+        // The planes are the parent's: all its pieces share them.
+        let Some(frame) = Frame::of(screen, corners, view.volume.perspective, &vertices) else {
+            self.records.truncate(first_piece);
+            return None;
+        };
+        let gradient = frame.colors.map_or(FLAT, |planes| {
+            self.gradients.push(planes);
+            self.gradients.len() as u32 - 1
+        });
+        for record in &mut self.records[first_piece..] {
+            record.anchor = frame.anchor;
+            record.key_plane = frame.key;
+            record.gradient = gradient;
+        }
+        Some(())
+    }
+}
+
+/// A vertex on the screen: unsnapped pixels, y down, and snapped.
+#[derive(Clone, Copy, Default)]
+struct Corner<T> {
+    x: T,
+    y: T,
+    snapped: (i32, i32),
+}
+
+impl<T: Real> View<T> {
+    fn transform(&self, position: DVec3, color: [T; 4]) -> Vertex<T> {
+        let p = (position - self.center).to_array().map(T::from_f64);
+        let dot = |r: &[T; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
+        let [x, y, w, depth] = std::array::from_fn(|i| dot(&self.rows[i]));
+        Vertex { x, y, w, depth: if self.volume.perspective { w } else { depth }, color }
+    }
+
+    fn to_screen(&self, v: &Vertex<T>) -> Option<Corner<T>> {
+        let half = T::from_f64(0.5);
+        let x = (v.x / v.w * half + half) * self.width;
+        let y = (half - v.y / v.w * half) * self.height;
+        let snap = |v: T| (v * T::from_i32(SUBPIXELS) + half).floor_to_i32();
+        (x + y).is_finite().then(|| Corner { x, y, snapped: (snap(x), snap(y)) })
+    }
+
+    /// Snapped vertices in positive order, unless the piece is culled, has no area, or holds no pixel centre.
+    fn visible_piece(&self, c: [Corner<T>; 3], flipped: bool, cull: Cull) -> Option<([i32; 3], [i32; 3])> {
+        let mut x = c.map(|c| c.snapped.0);
+        let mut y = c.map(|c| c.snapped.1);
+        let side = |a: usize, b: usize| (i64::from(x[a] - x[0])) * i64::from(y[b] - y[0]);
+        let area = side(1, 2) - side(2, 1);
+        if area == 0 {
+            return None;
+        }
+        // y points down here: counter-clockwise for the eye is a negative area.
+        let front = (area < 0) != flipped;
+        if (cull == Cull::Back && !front) || (cull == Cull::Front && front) {
+            return None;
+        }
+        if area < 0 {
+            x.swap(1, 2);
+            y.swap(1, 2);
+        }
+        let (x0, x1) = Record::<T>::pixels(x);
+        let (y0, y1) = Record::<T>::pixels(y);
+        let (width, height) = (self.viewport.0 as i32, self.viewport.1 as i32);
+        (x0.max(0) <= x1.min(width - 1) && y0.max(0) <= y1.min(height - 1)).then_some((x, y))
+    }
+}
+
+/// Puts the vertices in an order that depends on their values alone, so that coincident faces tie
+/// whatever their rotation or winding. Also tells whether that reversed the winding.
+fn canonical<T: Real>(v: [Vertex<T>; 3]) -> ([Vertex<T>; 3], bool) {
+    let key = |v: &Vertex<T>| {
+        (v.x.orderable(), v.y.orderable(), v.w.orderable(), v.depth.orderable(), v.color.map(T::orderable))
+    };
+    let mut order = [0, 1, 2];
+    order.sort_by_key(|&i| key(&v[i]));
+    let flipped = matches!(order, [0, 2, 1] | [1, 0, 2] | [2, 1, 0]);
+    (order.map(|i| v[i]), flipped)
+}
+
+/// The planes of a triangle.
+struct Frame<T> {
+    anchor: [T; 2],
+    key: Plane<T>,
+    /// `None` if all corners have one colour.
+    colors: Option<[Plane<T>; 4]>,
+}
+
+impl<T: Real> Frame<T> {
+    /// `None` if a value is not finite.
+    fn of(
+        screen: &[Corner<T>],
+        corners: &[Vertex<T>],
+        perspective: bool,
+        parent: &[Vertex<T>; 3],
+    ) -> Option<Self> {
+        // The largest triangle of the fan defines the planes; an unclipped triangle is its own fan.
+        let doubled_area = |i: usize| {
+            let (a, b, c) = (&screen[0], &screen[i], &screen[i + 1]);
+            (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y)
+        };
+        let magnitude = |i: usize| doubled_area(i).larger(-doubled_area(i));
+        let best =
+            (2..screen.len() - 1).fold(1, |best, i| if magnitude(i) > magnitude(best) { i } else { best });
+        let (a, b, c) = (&screen[0], &screen[best], &screen[best + 1]);
+        let area = doubled_area(best);
+        let plane = |v: [T; 3], low: T, high: T| {
+            let (db, dc) = (v[1] - v[0], v[2] - v[0]);
+            // No area before snapping: any corner's value is as good as another.
+            let (gx, gy) = if area == T::ZERO {
+                (T::ZERO, T::ZERO)
+            } else {
+                ((db * (c.y - a.y) - dc * (b.y - a.y)) / area, (dc * (b.x - a.x) - db * (c.x - a.x)) / area)
+            };
+            (v[0] + gx + gy).is_finite().then_some(Plane { value: v[0], gx, gy, low, high })
+        };
+        let of_key = |v: &Vertex<T>| if perspective { T::ONE / v.w } else { v.depth };
+        let keys = corners.iter().map(of_key);
+        let low = keys.clone().fold(of_key(&corners[0]), T::smaller);
+        let high = keys.fold(of_key(&corners[0]), T::larger);
+        let triple = [&corners[0], &corners[best], &corners[best + 1]];
+        let key = plane(triple.map(of_key), low, high)?;
+
+        let [p, q, r] = parent;
+        let mut colors = None;
+        if p.color != q.color || p.color != r.color {
+            let mut planes = [key; 4];
+            for (i, channel) in planes.iter_mut().enumerate() {
+                let over_w = triple.map(|v| if perspective { v.color[i] / v.w } else { v.color[i] });
+                let low = p.color[i].smaller(q.color[i]).smaller(r.color[i]);
+                let high = p.color[i].larger(q.color[i]).larger(r.color[i]);
+                *channel = plane(over_w, low, high)?;
+            }
+            colors = Some(planes);
+        }
+        Some(Self { anchor: [a.x, a.y], key, colors })
+    }
+}
