@@ -25,6 +25,17 @@ pub struct ClipRows {
     pub perspective: bool,
 }
 
+impl ClipRows {
+    /// A position relative to the centre, and what it is transformed to, stay finite in float32.
+    pub fn representable(&self, p: DVec3) -> bool {
+        let limit = f64::from(f32::MAX);
+        let fits = |row: &DVec4| {
+            (row.x * p.x).abs() + (row.y * p.y).abs() + (row.z * p.z).abs() + row.w.abs() < limit
+        };
+        p.abs().max_element() < limit && [self.x, self.y, self.w, self.depth].iter().all(fits)
+    }
+}
+
 /// Where a perspective without a near plane is cut, as clip w. Any positive constant serves: it only
 /// keeps the divide finite, and is far below any w that float32 geometry resolves.
 pub const MIN_W: f64 = 1.0 / (1u64 << 60) as f64;

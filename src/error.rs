@@ -19,6 +19,9 @@ pub enum Error {
     /// The request does not fit, even tile by tile.
     #[error("{what} needs {needed} bytes, but the limit is {limit} bytes; {advice}")]
     Capacity { what: String, needed: u64, limit: u64, advice: String },
+    /// Shader text that does not compile, at a line of the file it came from.
+    #[error("{file}:{line}: {message}")]
+    Shader { file: String, line: usize, message: String },
 }
 
 pub type Result<T> = std::result::Result<T, Error>;

@@ -13,6 +13,7 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::camera::Camera;
 use crate::error::Error;
 use crate::fragments::{self, Background, Fragments};
+use crate::gpu::device::{self, Adapter};
 use crate::methods::METHODS;
 use crate::png::encode;
 use crate::real::Real;
@@ -22,7 +23,7 @@ use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate, Scene};
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::{composite, encode_png, methods, render_cpu};
+    use super::{adapters, composite, encode_png, methods, render_cpu, render_gpu};
 }
 
 mod errors {
@@ -31,6 +32,7 @@ mod errors {
     pyo3::import_exception!(abuffer.errors, DeviceError);
     pyo3::import_exception!(abuffer.errors, UnsupportedError);
     pyo3::import_exception!(abuffer.errors, CapacityError);
+    pyo3::import_exception!(abuffer.errors, ShaderError);
 }
 
 impl From<Error> for PyErr {
@@ -43,6 +45,7 @@ impl From<Error> for PyErr {
             Error::Device(_) => errors::DeviceError::new_err(message),
             Error::Unsupported(_) => errors::UnsupportedError::new_err(message),
             Error::Capacity { .. } => errors::CapacityError::new_err(message),
+            Error::Shader { .. } => errors::ShaderError::new_err(message),
         }
     }
 }
@@ -216,6 +219,44 @@ where
         render::on_cpu(&scene, &camera, &request, background)
     })?;
     to_dict(py, output, &request)
+}
+
+/// Renders with pipeline linked_list on an adapter, by its place in `adapters()`.
+#[pyfunction]
+fn render_gpu<'py>(
+    py: Python<'py>,
+    adapter: usize,
+    meshes: Vec<MeshParts<'py>>,
+    camera: CameraParts<'py>,
+    request: RequestParts,
+    background: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let camera = camera.camera()?;
+    let request = request.request();
+    let parts = BackgroundParts::<f32>::of(background)?;
+    let background = parts.background()?;
+    let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
+    let output = py.detach(|| {
+        let scene = Scene::new(meshes)?;
+        render::on_gpu(adapter, &scene, &camera, &request, background)
+    })?;
+    to_dict(py, output, &request)
+}
+
+/// All adapters, best first.
+#[pyfunction]
+fn adapters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let describe = |adapter: Adapter| {
+        let dict = PyDict::new(py);
+        dict.set_item("name", adapter.name)?;
+        dict.set_item("kind", adapter.kind)?;
+        dict.set_item("backend", adapter.backend)?;
+        dict.set_item("driver", adapter.driver)?;
+        dict.set_item("max_binding", adapter.max_binding)?;
+        dict.set_item("lacks", adapter.lacks)?;
+        Ok(dict)
+    };
+    py.detach(device::adapters).into_iter().map(describe).collect()
 }
 
 fn to_dict<'py, T>(py: Python<'py>, output: Output<T>, request: &Request) -> PyResult<Bound<'py, PyDict>>

@@ -9,6 +9,7 @@ use crate::camera::Camera;
 use crate::cpu;
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
+use crate::gpu;
 use crate::real::Real;
 use crate::scene::Scene;
 
@@ -52,7 +53,23 @@ pub struct Stats {
 impl Stats {
     /// Records the wall time of a stage that began at `start`.
     pub fn stage(&mut self, name: &'static str, start: Instant) {
-        self.ms.push((name, start.elapsed().as_secs_f64() * 1e3));
+        self.add(name, start.elapsed().as_secs_f64() * 1e3);
+    }
+
+    /// Adds to the time of a stage.
+    pub fn add(&mut self, name: &'static str, ms: f64) {
+        match self.ms.iter_mut().find(|(stage, _)| *stage == name) {
+            Some((_, total)) => *total += ms,
+            None => self.ms.push((name, ms)),
+        }
+    }
+
+    /// Records bytes of a use, of which the largest counts.
+    pub fn raise(&mut self, name: &'static str, bytes: u64) {
+        match self.bytes.iter_mut().find(|(what, _)| *what == name) {
+            Some((_, most)) => *most = bytes.max(*most),
+            None => self.bytes.push((name, bytes)),
+        }
     }
 }
 
@@ -69,6 +86,10 @@ pub struct Output<T: Real> {
 }
 
 impl Request {
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
     pub fn check<T>(&self, background: &Background<T>) -> Result<()> {
         let valid = 1..=MAX_SIZE;
         if !valid.contains(&self.width) || !valid.contains(&self.height) {
@@ -77,7 +98,7 @@ impl Request {
                 self.width, self.height
             )));
         }
-        let pixels = self.width as usize * self.height as usize;
+        let pixels = self.pixels();
         if let Background::Image(image) = background
             && image.len() != pixels
         {
@@ -101,8 +122,21 @@ pub fn on_cpu<T: Real>(
     threads()?.install(|| cpu::render(scene, camera, request, background))
 }
 
+/// Renders on the adapter at this place of [`gpu::device::adapters`].
+pub fn on_gpu(
+    adapter: usize,
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: Background<f32>,
+) -> Result<Output<f32>> {
+    request.check(&background)?;
+    let gpu = gpu::device::open(adapter)?;
+    gpu.exclusively(|| gpu::render(&gpu, scene, camera, request, background))
+}
+
 /// The process's own threads. A forked child inherits a pool without threads, so it makes another.
-fn threads() -> Result<Arc<ThreadPool>> {
+pub fn threads() -> Result<Arc<ThreadPool>> {
     static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     match &*pool {

@@ -6,7 +6,7 @@ import pytest
 import abuffer as ab
 import oracle
 import scenes
-from comparison import CPU32, CPU64, assert_frame_matches
+from comparison import CPU32, CPU64, GPU, assert_frame_matches
 
 # name: (triangles and colours, width, height)
 SCENES = {
@@ -44,7 +44,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("precision", [CPU64, CPU32], ids=str)
+@pytest.mark.parametrize("precision", [CPU64, CPU32, GPU], ids=str)
 @pytest.mark.parametrize(("name", "view"), CASES)
 def test_lists_and_image_match_the_oracle(name, view, precision, record_property):
     (triangles, colors), width, height = SCENES[name]

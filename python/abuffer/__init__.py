@@ -16,6 +16,7 @@ from .frame import Frame
 from .mesh import BLENDS, Mesh
 from .render import render, render_triangles
 from .scene import Scene
+from .tables import devices, methods, pipelines
 
 __all__ = [
     "BLENDS",
@@ -31,6 +32,9 @@ __all__ = [
     "SceneError",
     "ShaderError",
     "UnsupportedError",
+    "devices",
+    "methods",
+    "pipelines",
     "render",
     "render_triangles",
     "testing",

@@ -1,21 +1,17 @@
 """One call from a scene to a frame."""
 
+import os
 import re
 
 import numpy as np
 
-from . import _check, _core
+from . import _check, _core, tables
 from .camera import Camera, _size
 from .errors import ParameterError, UnsupportedError
-from .fragments import METHODS, Fragments, as_background
+from .fragments import Fragments, as_background
 from .frame import Frame, Plan, Stats
 from .mesh import Mesh
 from .scene import as_scene
-
-PIPELINES = {
-    "tiles": "triangles binned to tiles, each pixel's fragments sorted in cache; on the CPU",
-    "linked_list": "per-pixel linked lists on the hardware rasteriser; on a GPU",
-}
 
 
 def render(
@@ -58,8 +54,8 @@ def render(
     >>> frame.image[24, 32].tolist(), frame.fragments[24, 32].primitive.tolist()
     ([0.75, 0.0, 0.0, 0.75], [1, 0])
     """
-    _check.choice("method", method, METHODS)
-    _check.choice("pipeline", pipeline, ("auto", *PIPELINES))
+    _check.choice("method", method, tables.METHODS)
+    _check.choice("pipeline", pipeline, ("auto", *tables.PIPELINES))
     _check.choice("precision", precision, ("float32", "float64"))
     _check.options(options, (), f"method {method!r}")
     if samples != 1:
@@ -74,7 +70,7 @@ def render(
     width, height = _image_size(width, height, camera, background)
     background = as_background(background, (height, width))
     plan = []
-    _choose(pipeline, device, precision, plan)
+    adapter = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
     request = {
         "width": width,
         "height": height,
@@ -85,7 +81,10 @@ def render(
     view = camera._parts(width, height)
     dtype = np.float64 if precision == "float64" else np.float32
     behind = np.ascontiguousarray(background, dtype) if background.ndim == 3 else background.astype(np.float64).tolist()
-    output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
+    if adapter is None:
+        output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
+    else:
+        output = _core.render_gpu(adapter, parts, view, request, behind)
     return _frame(output, scene, plan, (height, width), background, fragments)
 
 
@@ -98,12 +97,6 @@ def render_triangles(positions, colors, camera, **kw) -> Frame:
     [1.0, 1.0, 1.0, 1.0]
     """
     return render(Mesh(positions, colors=colors), camera, **kw)
-
-
-def _choose(pipeline, device, precision, plan):
-    """The device and pipeline, with the reasons put into `plan`."""
-    plan.append(("device", "cpu", "the only one"))
-    plan.append(("pipeline", "tiles", "the only one"))
 
 
 def _frame(output, scene, plan, shape, background, asked):

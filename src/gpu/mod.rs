@@ -1,1 +1,13 @@
-//! GPU
+//! The `linked_list` pipeline on Vulkan, Metal or DX12. Only this folder names wgpu.
+
+mod buffers;
+pub mod device;
+mod geometry;
+mod linked_list;
+mod lists;
+mod long;
+mod pipelines;
+mod timing;
+mod uniforms;
+
+pub use linked_list::render;

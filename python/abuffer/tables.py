@@ -1,0 +1,151 @@
+"""What there is to choose from: methods, pipelines and devices, as dicts that print as tables."""
+
+import os
+
+from . import _core
+from .errors import DeviceError, ParameterError, UnsupportedError
+
+
+class Table(dict):
+    """Rows by id: each a dict with the same columns."""
+
+    def __str__(self):
+        if not self:
+            return "(none)"
+        columns = ["id", *next(iter(self.values()))]
+        rows = [columns] + [[key, *(str(v) for v in row.values())] for key, row in self.items()]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(columns))]
+        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+        return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+
+    __repr__ = __str__
+
+
+METHODS = Table(
+    {key: {"title": title, "order": order, "source": source} for key, title, order, source in _core.methods()}
+)
+
+PIPELINES = Table(
+    {
+        "tiles": {"runs on": "cpu", "how": "triangles binned to 16×16 tiles, each pixel's fragments sorted in cache"},
+        "linked_list": {"runs on": "gpu", "how": "hardware rasteriser, a linked list of fragments for each pixel"},
+    }
+)
+
+
+def _adapters():
+    """All adapters, best first.
+
+    Mesa's device-select layer would look for a Wayland display and complain on stderr that there is none. It
+    only reorders adapters, which are sorted by kind anyway.
+    """
+    ours = "NODEVICE_SELECT" not in os.environ
+    if ours:
+        os.environ["NODEVICE_SELECT"] = "1"
+    try:
+        return _core.adapters()
+    finally:
+        if ours:
+            del os.environ["NODEVICE_SELECT"]
+
+
+def methods() -> Table:
+    """The methods, by id: how fragments become a colour.
+
+    >>> list(methods())
+    ['exact']
+    """
+    return Table(METHODS)
+
+
+def pipelines() -> Table:
+    """The pipelines, by id: how triangles become fragments.
+
+    >>> list(pipelines())
+    ['tiles', 'linked_list']
+    """
+    return Table(PIPELINES)
+
+
+def devices() -> Table:
+    """The devices, by name, best first among GPUs. Any part of a name serves as ``device=``.
+
+    >>> "cpu" in devices()
+    True
+    """
+    table = Table({"cpu": {"kind": "processor", "backend": "", "driver": "", "pipelines": "tiles"}})
+    for adapter in _adapters():
+        name = adapter["name"]
+        while name in table:
+            name += " (again)"
+        runs = f"none: lacks {adapter['lacks']}" if adapter["lacks"] else "linked_list"
+        row = {"kind": adapter["kind"], "backend": adapter["backend"], "driver": adapter["driver"], "pipelines": runs}
+        table[name] = row
+    return table
+
+
+def choose(pipeline, device, precision, environment, plan):
+    """The adapter's place in `_core.adapters()`, None for the CPU; what and why goes into `plan`.
+
+    `environment`: what ABUFFER_DEVICE says "auto" means.
+    """
+    adapter, why = _device(pipeline, device, precision, environment)
+    if adapter is None:
+        plan.append(("device", "cpu", why))
+        if pipeline == "linked_list":
+            raise ParameterError(
+                'pipeline "linked_list" needs a GPU: give device="gpu", or pipeline="tiles" on the CPU'
+            )
+        plan.append(("pipeline", "tiles", "the CPU's" if pipeline == "auto" else "as asked"))
+        return None
+    if precision == "float64":
+        raise ParameterError('precision "float64" is the CPU\'s: give device="cpu" or "auto"')
+    if pipeline == "tiles":
+        raise UnsupportedError('pipeline "tiles" runs on the CPU only: give device="cpu", or pipeline="linked_list"')
+    found = _adapters()[adapter]
+    software = ", a software driver" if found["kind"] == "software" else ""
+    plan.append(("device", f"{found['name']}{software}", why))
+    plan.append(("pipeline", "linked_list", "the GPU's" if pipeline == "auto" else "as asked"))
+    return adapter
+
+
+def _device(pipeline, device, precision, environment):
+    if not isinstance(device, str):
+        raise ParameterError(f'device must be "auto", "cpu", "gpu" or a part of a name, got {device!r}')
+    if device == "auto":
+        if precision == "float64":
+            return None, "float64 is the CPU's"
+        if environment not in (None, "", "auto"):
+            adapter, why = _named(environment)
+            return adapter, f"ABUFFER_DEVICE is {environment!r}: {why}"
+        if pipeline == "tiles":
+            return None, "pipeline tiles is the CPU's"
+        if pipeline == "linked_list":
+            return _named("gpu")
+        real = [(i, a) for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
+        if real:
+            return real[0][0], "the best real GPU"
+        software = [a["name"] for a in _adapters()]
+        return None, f"no real GPU here; {', '.join(software)} would run if named" if software else "no GPU here"
+    return _named(device)
+
+
+def _named(device):
+    if device == "cpu":
+        return None, "as asked"
+    adapters = _adapters()
+    if device == "gpu":
+        if adapters:
+            usable = [i for i, a in enumerate(adapters) if not a["lacks"]]
+            return (usable or [0])[0], "the best adapter"
+        raise DeviceError(
+            "no GPU adapter was found by Vulkan, Metal or DX12. Install a driver (on Debian a software one: "
+            'apt install mesa-vulkan-drivers libvulkan1), or give device="cpu", which needs nothing'
+        )
+    for i, adapter in enumerate(adapters):
+        if device.lower() in adapter["name"].lower():
+            return i, f"its name contains {device!r}"
+    names = ["cpu", *(a["name"] for a in adapters)]
+    raise DeviceError(
+        f'no device\'s name contains {device!r}. There are: {", ".join(names)}; device="cpu" always works'
+    )

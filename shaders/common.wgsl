@@ -1,0 +1,51 @@
+// What every stage shares: the view, the band, and the sort key.
+
+struct View {
+    // Rows of the matrix from positions relative to the scene's centre to clip x, y, w and eye depth.
+    rows: array<vec4f, 4>,
+    // Straight, where no background texture is bound.
+    background: vec4f,
+    width: u32,
+    height: u32,
+    perspective: u32,
+    // 1: opaque surfaces are listed like any other, and hide nothing.
+    list_opaque: u32,
+    near: f32,
+    far: f32,
+    // Window z of an orthographic view: z_offset − depth · z_scale, 1 at the scene's nearest, 0 at its farthest.
+    z_offset: f32,
+    z_scale: f32,
+}
+
+// The rectangle of pixels that one pass over the geometry fills lists for.
+struct Band {
+    x0: u32,
+    y0: u32,
+    width: u32,
+    height: u32,
+    // Nodes that fit the pool.
+    capacity: u32,
+    // 1: the background texture holds a colour a pixel, else View.background is meant.
+    background_texture: u32,
+    // Loop iterations that one invocation may take before it stores its state and is dispatched again:
+    // Mesa's llvmpipe silently ends every loop after 65,535 in total.
+    trip_budget: u32,
+    pad: u32,
+}
+
+// Unsigned bits in the order of the values; −0 counts as +0.
+fn orderable(value: f32) -> u32 {
+    let bits = bitcast<u32>(value + 0.0);
+    return select(bits | 0x80000000u, ~bits, (bits & 0x80000000u) != 0u);
+}
+
+// The sort key, smaller in front: made from 1/w under a perspective, else from the eye depth.
+fn sort_key(plane_value: f32, perspective: bool) -> u32 {
+    let key = orderable(plane_value);
+    return select(key, ~key, perspective);
+}
+
+// Whether fragment a = (key, order) is in front of b.
+fn in_front(a: vec2u, b: vec2u) -> bool {
+    return a.x < b.x || (a.x == b.x && a.y < b.y);
+}

@@ -1,0 +1,8 @@
+// The depth test against opaque geometry runs before the shader, which writes to storage (GPU Pro 2,
+// section 2.3.4).
+
+@fragment
+@early_depth_test(force)
+fn fs_build(v: Varyings) {
+    store(v);
+}

@@ -1,0 +1,16 @@
+// Opaque and alpha-tested geometry: its colour becomes the background of its pixels, its depth hides what
+// is strictly behind it.
+
+@vertex
+fn vs_opaque(@builtin(vertex_index) index: u32) -> Varyings {
+    return rasterise(index, true);
+}
+
+@fragment
+fn fs_opaque(v: Varyings) -> @location(0) vec4f {
+    let color = fragment_color(v);
+    if beyond_depth_range(plane_value(v)) || is_cut_out(v, color) {
+        discard;
+    }
+    return vec4f(color.rgb, 1.0);
+}

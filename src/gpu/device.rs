@@ -1,0 +1,263 @@
+//! Adapters and devices: found once, made lazily, kept for the process.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use pollster::block_on;
+
+use super::pipelines::Pipelines;
+use crate::error::{Error, Result};
+
+/// An adapter as `devices()` lists it.
+#[derive(Debug, Clone)]
+pub struct Adapter {
+    pub name: String,
+    pub backend: String,
+    /// "discrete", "integrated", "virtual", "other" or "software".
+    pub kind: &'static str,
+    pub driver: String,
+    /// Why `linked_list` cannot run here, or `None`.
+    pub lacks: Option<String>,
+    /// The largest buffer that a shader can be given at once, bytes.
+    pub max_binding: u64,
+}
+
+impl Adapter {
+    pub fn is_software(&self) -> bool {
+        self.kind == "software"
+    }
+}
+
+/// A device that is ready to render.
+pub struct Gpu {
+    pub adapter: Adapter,
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub features: wgpu::Features,
+    pub limits: wgpu::Limits,
+    pipelines: OnceLock<Result<Pipelines>>,
+    lost: Arc<Mutex<Option<String>>>,
+    /// One render at a time: interleaved ones would hold twice the memory and gain nothing.
+    busy: Mutex<()>,
+}
+
+/// The backends that render off screen without a window system. (wgpu's GL backend wants one, and says so.)
+const BACKENDS: wgpu::Backends =
+    wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
+
+/// What `linked_list` uses where it exists.
+const WANTED: wgpu::Features = wgpu::Features::SHADER_EARLY_DEPTH_TEST.union(wgpu::Features::TIMESTAMP_QUERY);
+
+/// Everything of the process that owns a device. A forked child cannot use its parent's, so it makes its own.
+struct Process {
+    id: u32,
+    adapters: Vec<(wgpu::Adapter, Adapter)>,
+    devices: Vec<Option<Arc<Gpu>>>,
+}
+
+static PROCESS: Mutex<Option<Process>> = Mutex::new(None);
+
+fn with_process<R>(use_it: impl FnOnce(&mut Process) -> R) -> R {
+    let mut guard = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
+    if guard.as_ref().is_some_and(|p| p.id != std::process::id()) {
+        std::mem::forget(guard.take()); // its handles belong to the parent
+    }
+    use_it(guard.get_or_insert_with(Process::new))
+}
+
+impl Process {
+    fn new() -> Self {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        descriptor.backends &= BACKENDS;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters: Vec<_> = block_on(instance.enumerate_adapters(BACKENDS))
+            .into_iter()
+            .map(|adapter| {
+                let described = describe(&adapter);
+                (adapter, described)
+            })
+            .collect();
+        // Best first, software last; a stable sort keeps the driver's order among equals.
+        adapters.sort_by_key(|(_, a)| {
+            ["discrete", "integrated", "virtual", "other", "software"].iter().position(|k| *k == a.kind)
+        });
+        let devices = adapters.iter().map(|_| None).collect();
+        Self { id: std::process::id(), adapters, devices }
+    }
+}
+
+fn describe(adapter: &wgpu::Adapter) -> Adapter {
+    let info = adapter.get_info();
+    let limits = adapter.limits();
+    let flags = adapter.get_downlevel_capabilities().flags;
+    let lacks = if !flags.contains(wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE) {
+        Some("storage buffers that fragment shaders can write".to_string())
+    } else if limits.max_storage_buffers_per_shader_stage < 8 {
+        Some("8 storage buffers a shader stage".to_string())
+    } else {
+        None
+    };
+    Adapter {
+        name: info.name,
+        backend: info.backend.to_string(),
+        kind: match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => "discrete",
+            wgpu::DeviceType::IntegratedGpu => "integrated",
+            wgpu::DeviceType::VirtualGpu => "virtual",
+            wgpu::DeviceType::Other => "other",
+            wgpu::DeviceType::Cpu => "software",
+        },
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
+        lacks,
+        max_binding: limits.max_storage_buffer_binding_size,
+    }
+}
+
+/// All adapters, best first.
+pub fn adapters() -> Vec<Adapter> {
+    with_process(|p| p.adapters.iter().map(|(_, a)| a.clone()).collect())
+}
+
+/// The device of an adapter, by its place in [`adapters`].
+pub fn open(index: usize) -> Result<Arc<Gpu>> {
+    with_process(|process| {
+        let count = process.adapters.len();
+        let (Some((adapter, described)), Some(slot)) =
+            (process.adapters.get(index), process.devices.get_mut(index))
+        else {
+            return Err(Error::Device(format!("there is no adapter {index}: {count} were found")));
+        };
+        if let Some(gpu) = slot
+            && gpu.lost.lock().unwrap_or_else(PoisonError::into_inner).is_none()
+        {
+            return Ok(gpu.clone());
+        }
+        let gpu = Arc::new(Gpu::new(adapter, described.clone())?);
+        *slot = Some(gpu.clone());
+        Ok(gpu)
+    })
+}
+
+impl Gpu {
+    fn new(adapter: &wgpu::Adapter, described: Adapter) -> Result<Self> {
+        if let Some(lacks) = &described.lacks {
+            return Err(Error::Unsupported(format!(
+                "{} lacks {lacks}, which pipeline linked_list needs; device=\"cpu\" works everywhere",
+                described.name
+            )));
+        }
+        let features = adapter.features() & WANTED;
+        let limits = adapter.limits();
+        let (device, queue) = block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("abuffer"),
+            required_features: features,
+            required_limits: limits.clone(),
+            ..Default::default()
+        }))
+        .map_err(|e| {
+            Error::Device(format!("cannot open {}: {e}; device=\"cpu\" works everywhere", described.name))
+        })?;
+        let lost = Arc::new(Mutex::new(None));
+        let (on_loss, on_error) = (lost.clone(), lost.clone());
+        device.set_device_lost_callback(move |reason, message| {
+            *on_loss.lock().unwrap_or_else(PoisonError::into_inner) = Some(format!("{reason:?}: {message}"));
+        });
+        // Outside any scope nothing should fail; if it does, it must not take the process down.
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            *on_error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
+        }));
+        Ok(Self {
+            adapter: described,
+            device,
+            queue,
+            features,
+            limits,
+            pipelines: OnceLock::new(),
+            lost,
+            busy: Mutex::new(()),
+        })
+    }
+
+    /// Runs wgpu calls with every kind of error caught: what wgpu would otherwise raise in a callback, or
+    /// panic with, becomes the result.
+    pub fn checked<R>(&self, what: &str, calls: impl FnOnce() -> Result<R>) -> Result<R> {
+        let scopes =
+            [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation]
+                .map(|filter| self.device.push_error_scope(filter));
+        let result = calls();
+        // In reverse order of their pushes.
+        let mut found = None;
+        for scope in scopes.into_iter().rev() {
+            found = block_on(scope.pop()).or(found);
+        }
+        match (found, result) {
+            (Some(wgpu::Error::OutOfMemory { .. }), _) => Err(Error::Device(format!(
+                "{} has no memory left for {what}: lower memory=, width or height",
+                self.adapter.name
+            ))),
+            (Some(error), _) => {
+                Err(Error::Device(format!("{what} failed on {}: {error}", self.adapter.name)))
+            }
+            (None, result) => {
+                self.alive()?;
+                result
+            }
+        }
+    }
+
+    fn alive(&self) -> Result<()> {
+        match &*self.lost.lock().unwrap_or_else(PoisonError::into_inner) {
+            None => Ok(()),
+            Some(why) => Err(Error::Device(format!(
+                "{} was lost ({why}); the next render opens it again, device=\"cpu\" works everywhere",
+                self.adapter.name
+            ))),
+        }
+    }
+
+    /// The pipelines, made at the first call.
+    pub fn pipelines(&self) -> Result<&Pipelines> {
+        self.pipelines.get_or_init(|| Pipelines::new(self)).as_ref().map_err(Clone::clone)
+    }
+
+    pub fn exclusively<R>(&self, render: impl FnOnce() -> R) -> R {
+        let _busy = self.busy.lock().unwrap_or_else(PoisonError::into_inner);
+        render()
+    }
+
+    /// Submits, waits, and returns the contents of mappable buffers.
+    pub fn submit_and_read(
+        &self,
+        encoder: wgpu::CommandEncoder,
+        buffers: &[&wgpu::Buffer],
+    ) -> Result<Vec<Vec<u8>>> {
+        self.checked("a submission", || {
+            self.queue.submit([encoder.finish()]);
+            let failed = Arc::new(AtomicBool::new(false));
+            for buffer in buffers {
+                let failed = failed.clone();
+                buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+                    failed.fetch_or(result.is_err(), Ordering::Relaxed);
+                });
+            }
+            self.device
+                .poll(wgpu::PollType::wait_indefinitely())
+                .map_err(|e| Error::Device(format!("waiting for {} failed: {e}", self.adapter.name)))?;
+            if failed.load(Ordering::Relaxed) {
+                self.alive()?;
+                return Err(Error::Device(format!("reading results back from {} failed", self.adapter.name)));
+            }
+            buffers
+                .iter()
+                .map(|buffer| {
+                    let bytes = buffer
+                        .get_mapped_range(..)
+                        .map_err(|e| Error::Device(format!("reading results back failed: {e}")))?
+                        .to_vec();
+                    buffer.unmap();
+                    Ok(bytes)
+                })
+                .collect()
+        })
+    }
+}

@@ -1,0 +1,92 @@
+//! GPU time of passes, by timestamp queries where the device has them.
+
+use std::cell::Cell;
+
+use super::buffers::readable;
+use super::device::Gpu;
+
+/// Passes of one submission that can be timed.
+const MAX_PASSES: u32 = 64;
+
+/// Hands out timestamps for the passes of one command encoder.
+pub struct Timing {
+    queries: Option<(wgpu::QuerySet, wgpu::Buffer, wgpu::Buffer)>,
+    stages: std::cell::RefCell<Vec<&'static str>>,
+    used: Cell<u32>,
+    period_ns: f32,
+}
+
+impl Timing {
+    pub fn new(gpu: &Gpu) -> Self {
+        let bytes = u64::from(2 * MAX_PASSES) * 8;
+        let queries = gpu.features.contains(wgpu::Features::TIMESTAMP_QUERY).then(|| {
+            let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("timestamps"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * MAX_PASSES,
+            });
+            let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("timestamps"),
+                size: bytes,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            });
+            (set, resolved, readable(gpu, "timestamps", bytes))
+        });
+        let period_ns = gpu.queue.get_timestamp_period();
+        Self { queries, stages: Default::default(), used: Cell::new(0), period_ns }
+    }
+
+    fn next(&self, stage: &'static str) -> Option<(&wgpu::QuerySet, u32)> {
+        let (set, ..) = self.queries.as_ref()?;
+        let pass = self.used.get();
+        (pass < MAX_PASSES).then(|| {
+            self.used.set(pass + 1);
+            self.stages.borrow_mut().push(stage);
+            (set, 2 * pass)
+        })
+    }
+
+    pub fn render(&self, stage: &'static str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        self.next(stage).map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        })
+    }
+
+    pub fn compute(&self, stage: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        self.next(stage).map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+            query_set,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(first + 1),
+        })
+    }
+
+    /// Copies what was recorded to where it can be read; the buffer to read, if any.
+    pub fn finish(&self, encoder: &mut wgpu::CommandEncoder) -> Option<&wgpu::Buffer> {
+        let (set, resolved, readable) = self.queries.as_ref()?;
+        let used = 2 * self.used.get();
+        (used > 0).then(|| {
+            encoder.resolve_query_set(set, 0..used, resolved, 0);
+            encoder.copy_buffer_to_buffer(resolved, 0, readable, 0, u64::from(used) * 8);
+            readable
+        })
+    }
+
+    /// Milliseconds of each timed pass, and from the first begin to the last end.
+    pub fn read(&self, bytes: &[u8]) -> (Vec<(&'static str, f64)>, f64) {
+        let ticks: Vec<u64> = bytes
+            .chunks_exact(8)
+            .take(2 * self.used.get() as usize)
+            .map(|b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]))
+            .collect();
+        let ms = |from: u64, to: u64| to.saturating_sub(from) as f64 * f64::from(self.period_ns) * 1e-6;
+        let stages = self.stages.borrow();
+        let passes =
+            stages.iter().zip(ticks.chunks_exact(2)).map(|(stage, t)| (*stage, ms(t[0], t[1]))).collect();
+        let first = ticks.iter().step_by(2).min().copied().unwrap_or(0);
+        let last = ticks.iter().skip(1).step_by(2).max().copied().unwrap_or(0);
+        (passes, ms(first, last))
+    }
+}

@@ -1,0 +1,115 @@
+//! Structs that shaders see too. They are written twice; a test holds the two together.
+
+use bytemuck::{Pod, Zeroable};
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct View {
+    pub rows: [[f32; 4]; 4],
+    pub background: [f32; 4],
+    pub width: u32,
+    pub height: u32,
+    pub perspective: u32,
+    pub list_opaque: u32,
+    pub near: f32,
+    pub far: f32,
+    pub z_offset: f32,
+    pub z_scale: f32,
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Band {
+    pub x0: u32,
+    pub y0: u32,
+    pub width: u32,
+    pub height: u32,
+    pub capacity: u32,
+    pub background_texture: u32,
+    pub trip_budget: u32,
+    pub pad: u32,
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Batch {
+    pub first_primitive: u32,
+    pub colors_per_triangle: u32,
+    pub pad: [u32; 2],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct MeshState {
+    pub alpha_cutoff: f32,
+    pub is_opaque: u32,
+    pub cull: u32,
+    pub pad: u32,
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LongPixel {
+    pub pixel: u32,
+    pub head: u32,
+    pub first: u32,
+    pub count: u32,
+    pub link: u32,
+    pub written: u32,
+    pub composited: u32,
+    pub transmittance: f32,
+    pub color: [f32; 4],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Round {
+    pub width: u32,
+    pub long_count: u32,
+    pub chunk_count: u32,
+    pub pad: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::{offset_of, size_of};
+
+    use super::*;
+    use crate::shader::Composed;
+
+    /// Size, and offset of each member, of a struct in a shader module.
+    fn wgsl(module: &str, name: &str) -> (usize, Vec<(String, usize)>) {
+        let parsed = naga::front::wgsl::parse_str(&Composed::module(module).unwrap().text).unwrap();
+        let found = parsed.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
+        match &found.unwrap().1.inner {
+            naga::TypeInner::Struct { members, span } => (
+                *span as usize,
+                members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect(),
+            ),
+            other => panic!("{name} is {other:?}"),
+        }
+    }
+
+    macro_rules! same {
+        ($module:literal, $name:ident { $($member:ident),* }) => {
+            let members = vec![$((stringify!($member).to_string(), offset_of!($name, $member))),*];
+            assert_eq!(wgsl($module, stringify!($name)), (size_of::<$name>(), members));
+        };
+    }
+
+    #[test]
+    fn structs_have_the_layout_that_the_shaders_expect() {
+        same!(
+            "resolve",
+            View { rows, background, width, height, perspective, list_opaque, near, far, z_offset, z_scale }
+        );
+        same!("resolve", Band { x0, y0, width, height, capacity, background_texture, trip_budget, pad });
+        same!("opaque", Batch { first_primitive, colors_per_triangle, pad });
+        same!("opaque", MeshState { alpha_cutoff, is_opaque, cull, pad });
+        same!(
+            "long",
+            LongPixel { pixel, head, first, count, link, written, composited, transmittance, color }
+        );
+        same!("long", Round { width, long_count, chunk_count, pad });
+    }
+}
