@@ -208,7 +208,7 @@ pub fn render(
     let mut pool: Option<Pool> = None;
     let mut waiting = first_rects(width, height, budget.pixels);
     while let Some(rect) = waiting.pop() {
-        let wanted = (4 * rect.pixels()).clamp(4096, budget.nodes.max(1));
+        let wanted = (4 * rect.pixels()).max(4096).min(budget.nodes);
         let fresh = match pool.take() {
             Some(pool) if pool.pixels >= rect.pixels() => pool,
             old => Pool::new(gpu, rect.pixels(), old.map_or(wanted, |p| p.capacity.max(wanted)))?,
