@@ -22,11 +22,11 @@ fn vs_build(@builtin(vertex_index) index: u32) -> Varyings {
 }
 
 fn store(v: Varyings) {
-    let value = plane_value(v);
-    var color = fragment_color(v);
-    if beyond_depth_range(value) || is_cut_out(v, color) {
+    let shaded = shade(v);
+    if beyond_depth_range(shaded.value) || is_cut_out(v, shaded.color) {
         return;
     }
+    var color = shaded.color;
     let pixel = vec2u(v.position.xy) - vec2u(band.x0, band.y0);
     if pixel.x >= band.width || pixel.y >= band.height {
         return; // the scissor rectangle keeps these away
@@ -39,13 +39,13 @@ fn store(v: Varyings) {
     if node >= band.capacity {
         return;
     }
-    var order = ~v.primitive & 0x7fffffffu;
-    if v.mesh.x == 1u {
+    var order = ~v.ids.x & 0x7fffffffu;
+    if v.ids.y == 1u {
         color.a = 1.0;
         order |= 0x80000000u;
     }
     let head = pixel.y * band.width + pixel.x;
     node_next[node] = atomicExchange(&heads[head], node + 1u);
     node_color[node] = color;
-    node_order[node] = vec2u(sort_key(value, view.perspective == 1u), order);
+    node_order[node] = vec2u(sort_key(shaded.value, view.perspective == 1u), order);
 }

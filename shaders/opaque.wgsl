@@ -8,9 +8,9 @@ fn vs_opaque(@builtin(vertex_index) index: u32) -> Varyings {
 
 @fragment
 fn fs_opaque(v: Varyings) -> @location(0) vec4f {
-    let color = fragment_color(v);
-    if beyond_depth_range(plane_value(v)) || is_cut_out(v, color) {
+    let shaded = shade(v);
+    if beyond_depth_range(shaded.value) || is_cut_out(v, shaded.color) {
         discard;
     }
-    return vec4f(color.rgb, 1.0);
+    return vec4f(shaded.color.rgb, 1.0);
 }

@@ -71,7 +71,7 @@ struct MeshParts<'py> {
     #[pyo3(item)]
     opaque: bool,
     #[pyo3(item)]
-    alpha_cutoff: f32,
+    alpha_cutoff: f64,
     #[pyo3(item)]
     cull: Option<String>,
 }

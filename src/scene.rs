@@ -88,7 +88,7 @@ pub struct Mesh<'a> {
     pub colors: Colors<'a>,
     pub opaque: bool,
     /// Fragments of less alpha are discarded. 0 keeps all.
-    pub alpha_cutoff: f32,
+    pub alpha_cutoff: f64,
     pub cull: Cull,
 }
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-import scenes
-from comparison import CPU32, CPU64, GPU, U
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import abuffer as ab
+import scenes
+from comparison import CPU32, CPU64, GPU, U
 
 EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU], ids=str)
 FRONT = ab.Camera(*scenes.front_camera())

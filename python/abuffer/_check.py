@@ -8,13 +8,20 @@ from .errors import ParameterError, SceneError
 
 
 def choice(name, value, valid):
-    """`value` if it is one of `valid`, else a ParameterError that lists them and names the nearest."""
+    """`value` if it is one of `valid` (text, or None), else a ParameterError that lists them and names the nearest."""
     valid = list(valid)
-    if value in valid:
+    if (value is None or isinstance(value, str)) and value in valid:
         return value
     near = difflib.get_close_matches(str(value), [str(v) for v in valid], 1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise ParameterError(f"{name} must be one of {', '.join(map(repr, valid))}, got {value!r}{hint}")
+
+
+def flag(name, value):
+    """`value` as a bool."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ParameterError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
 
 
 def options(given, known, of):
@@ -30,6 +37,9 @@ def options(given, known, of):
 def number(name, value, low=-np.inf, high=np.inf, *, open_ends=False):
     """`value` as a finite float inside [low, high], or (low, high) if `open_ends`."""
     try:
+        # float() would take text and arrays of one, which are mistakes here.
+        if isinstance(value, (str, bytes, bool, np.bool_)) or np.ndim(value) != 0:
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
         raise ParameterError(f"{name} must be a number, got {value!r}") from None
@@ -43,9 +53,12 @@ def number(name, value, low=-np.inf, high=np.inf, *, open_ends=False):
 def matrix(name, value, shapes=((4, 4),)):
     """`value` as a float64 matrix of one of `shapes`, all finite."""
     try:
-        array = np.array(value, dtype=np.float64)
+        array = np.array(value)
     except (TypeError, ValueError):
-        raise ParameterError(f"{name} must be a matrix of numbers, got {type(value).__name__}") from None
+        array = np.array(None)
+    if array.dtype.kind not in "fiu":
+        raise ParameterError(f"{name} must be a matrix of numbers, got {type(value).__name__} {value!r}")
+    array = array.astype(np.float64)
     if array.shape not in shapes:
         wanted = " or ".join(str(s) for s in shapes)
         raise ParameterError(f"{name} must have shape {wanted}, got {array.shape}")
@@ -59,14 +72,45 @@ def vector(name, value):
     return matrix(name, value, ((3,),))
 
 
-def first_bad(name, bad, values, why):
-    """Raises a SceneError that names the first row where `bad` (N, ...) is true."""
+def affine(name, value):
+    """`value` as a float64 (4, 4) that multiplies columns: its last row is (0, 0, 0, 1)."""
+    m = matrix(name, value)
+    if tuple(m[3]) != (0, 0, 0, 1):
+        hint = ": it looks transposed, matrices multiply columns" if tuple(m[:3, 3]) == (0, 0, 0) else ""
+        raise ParameterError(f"{name}'s last row must be (0, 0, 0, 1), got {m[3].tolist()}{hint}")
+    return m
+
+
+def array_of_numbers(name, values, kinds, error=SceneError):
+    """`values` as an array that is ours: what becomes of the caller's later does not show. `kinds`: of dtypes."""
+    shared = isinstance(values, np.ndarray) and not values.flags.writeable  # a mesh's own, say
+    try:
+        array = np.asarray(values) if shared else np.array(values)
+    except (TypeError, ValueError) as e:
+        raise error(f"{name} is not an array: {e}") from None
+    if array.dtype.kind not in kinds:
+        what = "numbers" if "f" in kinds else "integers"
+        raise error(f"{name} must be {what}, got dtype {array.dtype}")
+    return array
+
+
+def floats(array):
+    """float32 and float64 as they are, float16 as float32, all other numbers as float64."""
+    native = array.dtype.newbyteorder("=")
+    if native in (np.float32, np.float64):
+        return array.astype(native, copy=False)
+    with np.errstate(over="ignore"):  # a long double too large for a double becomes inf, which is checked for
+        return array.astype(np.float32 if array.dtype == np.float16 else np.float64)
+
+
+def first_bad(name, bad, values, why, error=SceneError):
+    """Raises an error that names the first row where `bad`, of the shape of `values`, is true."""
     if bad.any():
         row = tuple(int(i) for i in np.argwhere(bad)[0])
         at = ", ".join(map(str, row))
         count = int(bad.sum())
         more = f" ({count} such values)" if count > 1 else ""
-        raise SceneError(f"{name}[{at}] is {values[row]!s}{more}: {why}")
+        raise error(f"{name}[{at}] is {values[row]!s}{more}: {why}")
 
 
 def straight_rgba(name, values, error=SceneError):
@@ -75,30 +119,36 @@ def straight_rgba(name, values, error=SceneError):
     float32 stays float32, other floats become float64. uint8 is divided by 255. Other integers may
     only be 0 and 1, since nobody can tell whether 2 is 2/255 or twice white.
     """
-    try:
-        array = np.asarray(values)
-    except ValueError as e:
-        raise error(f"{name} is not an array: {e}") from None
-    if array.dtype.kind not in "fiub":
-        raise error(f"{name} must be numbers, got dtype {array.dtype}")
+    array = array_of_numbers(name, values, "fiub", error)
     if array.ndim == 0 or array.shape[-1] not in (3, 4):
         raise error(f"{name} must end in 3 or 4 channels, got shape {array.shape}")
     if array.dtype == np.uint8:
         array = array / 255.0
-    elif array.dtype.kind in "iub":
-        if array.size and (array.min() < 0 or array.max() > 1):
-            raise error(f"{name} is {array.dtype} with values outside 0 and 1: give floats, or uint8 for 0 to 255")
-        array = array.astype(np.float64)
-    elif array.dtype != np.float32:
-        array = array.astype(np.float32 if array.dtype == np.float16 else np.float64)
+    elif array.dtype.kind in "iu":
+        why = f"{array.dtype} may only be 0 and 1: give floats, or uint8 for 0 to 255"
+        first_bad(name, (array < 0) | (array > 1), array, why, error)
+    array = floats(array)
     if array.shape[-1] == 3:
         array = np.concatenate([array, np.ones_like(array[..., :1])], axis=-1)
-    bad = ~np.isfinite(array)
-    if not bad.any():
-        bad = array < 0
-        bad[..., 3] |= array[..., 3] > 1
-    if bad.any():
-        row = tuple(int(i) for i in np.argwhere(bad)[0])
-        at = ", ".join(map(str, row))
-        raise error(f"{name}[{at}] is {array[row]!s}: RGB must be finite and at least 0, alpha in [0, 1]")
+    bad = ~((array >= 0) & (array < np.inf))  # NaN is neither
+    bad[..., 3] |= array[..., 3] > 1
+    first_bad(name, bad, array, "RGB must be finite and at least 0, alpha in [0, 1]", error)
     return np.ascontiguousarray(array)
+
+
+def background(value, shape):
+    """A background as straight RGBA, (4,) or (H, W, 4): grey, (3|4,) or (H, W, 3|4) given."""
+    array = array_of_numbers("background", value, "fiub", ParameterError)
+    array = straight_rgba("background", np.repeat(array, 3) if array.ndim == 0 else array, ParameterError)
+    if array.ndim != 1 and array.shape != (*shape, 4):
+        raise ParameterError(
+            f"background must be grey, (3|4,) or (H, W, 3|4) with H, W = {shape}, got shape {np.shape(value)}"
+        )
+    return array
+
+
+def frozen(array):
+    """A view of `array` that cannot be written through."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 
 from . import _check
+from ._view import check_invertible, clip_depths, looking, turn_y_to
 from .errors import ParameterError
 
 
@@ -33,12 +34,11 @@ class Camera:
         projection = _check.matrix("projection", projection)
         self._set_view(view)
         last = projection[3]
-        if (last[:2] == 0).all() and last[2] < 0 and last[3] == 0:
-            projection = projection / -last[2]
-        elif tuple(last) != (0, 0, 0, 1):
+        if tuple(last) not in ((0, 0, -1, 0), (0, 0, 0, 1)):
+            forwards = last[2] > 0 and not last[[0, 1, 3]].any()
+            hint = "it looks along +Z: use Camera.from_intrinsics" if forwards else "transposed?"
             raise ParameterError(
-                f"projection's last row must be (0, 0, -1, 0) or (0, 0, 0, 1), got {last.tolist()}: "
-                + ("it looks along +Z: use Camera.from_intrinsics" if last[2] > 0 and last[3] == 0 else "transposed?")
+                f"projection's last row must be (0, 0, -1, 0) or (0, 0, 0, 1), got {last.tolist()}: {hint}"
             )
         if (projection[2, :2] != 0).any():
             raise ParameterError("projection has an oblique near plane: its third row must be (0, 0, a, b)")
@@ -49,7 +49,7 @@ class Camera:
         self._perspective = projection[3, 2] != 0
         self._aspect = np.linalg.norm(y[:2]) / np.linalg.norm(x[:2])
         self._size = None
-        self.near, self.far = _depths(projection[2], clip_z, self._perspective)
+        self.near, self.far = clip_depths(projection[2], clip_z, self._perspective)
 
     @classmethod
     def look_at(cls, eye, target, up=(0, 1, 0), *, fov_y=45.0, near=None, far=None):
@@ -60,14 +60,14 @@ class Camera:
             fov_y: full vertical field of view, degrees.
             near, far: eye depths outside which nothing is drawn. None: nothing in front of the eye is cut.
         """
-        return cls._perspective_of(_looking(eye, target, up), fov_y, near, far)
+        return cls._perspective_of(looking(eye, target, up), _fov(fov_y), near, far)
 
     @classmethod
     def orthographic(cls, eye, target, up=(0, 1, 0), *, height, near=None, far=None):
         """A parallel projection. `height`: world units from the image's bottom to its top."""
         height = _check.number("height", height, 0, open_ends=True)
         camera = cls.__new__(cls)
-        camera._set_view(_looking(eye, target, up))
+        camera._set_view(looking(eye, target, up))
         camera._xy = np.array([[2 / height, 0, 0, 0], [0, 2 / height, 0, 0]])
         camera._set_lens(perspective=False, near=near, far=far)
         return camera
@@ -75,9 +75,9 @@ class Camera:
     @classmethod
     def from_pose(cls, camera_to_world, *, fov_y=45.0, near=None, far=None):
         """A perspective from a (4, 4) pose in OpenGL axes: its columns are right, up, backwards, position."""
-        pose = _check.matrix("camera_to_world", camera_to_world)
-        _check_affine("camera_to_world", pose)
-        return cls._perspective_of(np.linalg.inv(pose), fov_y, near, far)
+        pose = _check.affine("camera_to_world", camera_to_world)
+        check_invertible("camera_to_world", pose)
+        return cls._perspective_of(np.linalg.inv(pose), _fov(fov_y), near, far)
 
     @classmethod
     def from_intrinsics(cls, K, world_to_camera, *, width, height, pixel_center=0.0, near=None, far=None):
@@ -115,19 +115,24 @@ class Camera:
     def fit(cls, scene, *, azimuth=30.0, elevation=20.0, up=(0, 1, 0), fov_y=45.0, margin=1.05):
         """A perspective that frames the scene's bounding sphere, whatever the image's size.
 
+        It is fitted when it is used: what is added to a Scene meanwhile counts.
+
         Args:
-            scene: Scene or what `Scene.add` takes.
-            azimuth: degrees around `up`, counter-clockwise from above; 0 looks along −Z.
+            scene: Scene or what `Scene.add` takes. Without triangles, the unit sphere is framed.
+            azimuth: degrees around `up`, counter-clockwise from above; 0 looks along −Z where `up` is +Y.
             elevation: degrees above the horizon.
-            margin: the sphere's part of the smaller field of view, as 1/margin.
+            margin: factor on the distance at which the sphere touches the smaller field of view.
         """
         from .scene import as_scene
 
+        up = _check.vector("up", up)
+        if not up.any():
+            raise ParameterError("up must not be zero")
         return _FittedCamera(
             as_scene(scene),
             _check.number("azimuth", azimuth),
             _check.number("elevation", elevation),
-            _check.vector("up", up),
+            up,
             _fov(fov_y),
             _check.number("margin", margin, 0, open_ends=True),
         )
@@ -140,7 +145,7 @@ class Camera:
         Args:
             points: (N, 3) world positions.
         """
-        points = np.asarray(points, dtype=np.float64)
+        points = _check.array_of_numbers("points", points, "fiu", ParameterError).astype(np.float64)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ParameterError(f"points must have shape (N, 3), got {points.shape}")
         view, projection = self.matrices(width, height)
@@ -198,21 +203,21 @@ class Camera:
     def _perspective_of(cls, view, fov_y, near, far):
         camera = cls.__new__(cls)
         camera._set_view(view)
-        focal = 1 / np.tan(np.radians(_fov(fov_y)) / 2)
+        focal = 1 / np.tan(np.radians(fov_y) / 2)
         camera._xy = np.array([[focal, 0, 0, 0], [0, focal, 0, 0]])
         camera._set_lens(perspective=True, near=near, far=far)
         return camera
 
     def _set_view(self, view, name="view"):
-        view = _check.matrix(name, view)
-        _check_affine(name, view)
-        self.view = view
+        self.view = _check.affine(name, view)
+        check_invertible(name, self.view)
 
     def _set_lens(self, *, perspective, near, far):
         """For square pixels and any aspect; near and far are eye depths."""
         low = 0.0 if perspective else -np.inf
         near = None if near is None else _check.number("near", near, low, open_ends=perspective)
-        far = None if far is None else _check.number("far", far, low, open_ends=perspective)
+        endless = far is None or (np.isscalar(far) and far == np.inf)
+        far = None if endless else _check.number("far", far, low, open_ends=perspective)
         if far is not None and far <= (near or 0.0):
             raise ParameterError(f"far must be beyond near, got near={near} far={far}")
         self.near, self.far = near, far
@@ -233,18 +238,16 @@ class _FittedCamera(Camera):
 
     def _at(self, width, height):
         scene, azimuth, elevation, up, fov_y, margin = self._fit
-        center = scene.bounds.mean(axis=0)
-        squares = [((mesh.positions - center) ** 2).sum(axis=1).max() for mesh in scene.meshes if len(mesh.positions)]
-        radius = np.sqrt(max(squares)) or 1.0
+        center, radius = scene.bounding_sphere()
         half = np.radians(fov_y) / 2
         smaller = min(half, np.arctan(np.tan(half) * width / height))
         a, e = np.radians([azimuth, elevation])
         towards_eye = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
-        turn = _turn_y_to(up)
+        turn = turn_y_to(up)
         eye = center + turn @ towards_eye * (margin * radius / np.sin(smaller))
         # Straight down, the horizon is up: the derivative of the direction with the elevation.
         top = turn @ np.array([-np.sin(a) * np.sin(e), np.cos(e), -np.cos(a) * np.sin(e)])
-        return Camera.look_at(eye, center, top, fov_y=fov_y)
+        return Camera._perspective_of(looking(eye, center, top), fov_y, None, None)
 
     @property
     def view(self):
@@ -263,70 +266,5 @@ def _size(name, value):
 def _fov(fov_y):
     fov_y = _check.number("fov_y", fov_y, 0, 180, open_ends=True)
     if fov_y < 3.2:
-        warnings.warn(f"fov_y is in degrees: {fov_y} is very narrow; radians?", UserWarning, stacklevel=4)
+        warnings.warn(f"fov_y is in degrees: {fov_y} is very narrow; radians?", UserWarning, stacklevel=3)
     return fov_y
-
-
-def _check_affine(name, m):
-    if tuple(m[3]) != (0, 0, 0, 1):
-        hint = ": it looks transposed, matrices multiply columns" if tuple(m[:3, 3]) == (0, 0, 0) else ""
-        raise ParameterError(f"{name}'s last row must be (0, 0, 0, 1), got {m[3].tolist()}{hint}")
-    if abs(np.linalg.det(m[:3, :3])) < 1e-12 * max(np.abs(m[:3, :3]).max(), 1e-300) ** 3:
-        raise ParameterError(f"{name} is singular: {m.tolist()}")
-
-
-def _looking(eye, target, up):
-    """World to eye, (4, 4)."""
-    eye, target, up = _check.vector("eye", eye), _check.vector("target", target), _check.vector("up", up)
-    back = eye - target
-    if not back.any():
-        raise ParameterError(f"eye and target are the same point, {eye.tolist()}")
-    back = back / np.linalg.norm(back)
-    if not up.any():
-        raise ParameterError("up must not be zero")
-    right = np.cross(up / np.linalg.norm(up), back)
-    if np.linalg.norm(right) < 1e-9:
-        raise ParameterError(f"up {up.tolist()} is along the view from {eye.tolist()} to {target.tolist()}")
-    right /= np.linalg.norm(right)
-    view = np.eye(4)
-    view[:3, :3] = right, np.cross(back, right), back
-    view[:3, 3] = -view[:3, :3] @ eye
-    return view
-
-
-def _turn_y_to(up):
-    """The smallest rotation (3, 3) that takes +Y to `up`."""
-    if not up.any():
-        raise ParameterError("up must not be zero")
-    x, y, z = up / np.linalg.norm(up)
-    if y < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    return np.array(
-        [
-            [1 - x * x / (1 + y), x, -x * z / (1 + y)],
-            [-x, y, -z],
-            [-x * z / (1 + y), z, 1 - z * z / (1 + y)],
-        ]
-    )
-
-
-def _depths(row, clip_z, perspective):
-    """Eye depths of the near and far planes of a projection's z row, None where there is none."""
-    try:
-        ends = tuple(float(v) for v in clip_z)
-    except (TypeError, ValueError):
-        ends = ()
-    if ends not in ((0.0, 1.0), (-1.0, 1.0), (1.0, 0.0)):
-        raise ParameterError(f"clip_z must be (0, 1) or (-1, 1), got {clip_z!r}")
-    a, b = row[2], row[3]
-    depths = []
-    for end in ends:
-        # Perspective: (a z + b) / −z = end at depth −z. Orthographic: a z + b = end.
-        slope = a + end if perspective else a
-        offset = b if perspective else b - end
-        depth = offset / slope if slope != 0 else np.inf
-        depths.append(depth if not perspective or depth > 0 else np.inf)
-    near, far = sorted(depths)
-    if not np.isfinite(near):
-        near = None if perspective else -np.inf
-    return (None if near is None or not np.isfinite(near) else near), (far if np.isfinite(far) else None)

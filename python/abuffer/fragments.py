@@ -1,22 +1,16 @@
 """Per-pixel fragment lists."""
 
 import json
-from typing import NamedTuple
+import operator
 
 import numpy as np
 
 from . import _check, _core
-from .errors import ParameterError, SceneError
+from ._check import background as as_background
+from .errors import ParameterError, SceneError, UnsupportedError
+from .padded import Padded, pad, unpad
 
-
-class Padded(NamedTuple):
-    """Lists as arrays of one length a pixel, front first."""
-
-    depth: np.ndarray  # (H, W, k), inf where there is no fragment
-    color: np.ndarray  # (H, W, k, 4) straight, 0 there
-    primitive: np.ndarray  # (H, W, k) int32, −1 there
-    coverage: None
-    dropped: int  # fragments of pixels with more than k
+METHODS = tuple(row[0] for row in _core.methods())
 
 
 class Fragments:
@@ -32,10 +26,10 @@ class Fragments:
         color: (F, 4) straight RGBA.
         key: (F,) unsigned, what was sorted by, smaller in front. None: made from the depth.
         primitive: (F,) int32. None: counted from 0 in each pixel.
-        background: straight RGBA behind the lists, (4,) or (H, W, 4).
+        background: straight, behind the lists: grey, (3|4,) or (H, W, 3|4).
 
     Raises:
-        SceneError: arrays that do not fit together, or a list that is not sorted.
+        SceneError: arrays that do not fit together, a depth that is not finite, or a list that is not sorted.
 
     >>> frags = Fragments((1, 1), [0, 2], [1., 2.], [[1, 0, 0, .5], [0, 1, 0, .5]])
     >>> frags.composite()[0, 0].tolist()
@@ -49,32 +43,34 @@ class Fragments:
     samples = 1
 
     def __init__(self, shape, offsets, depth, color, key=None, primitive=None, background=(0, 0, 0, 0)):
-        height, width = (int(n) for n in shape)
+        try:
+            height, width = (operator.index(n) for n in shape)
+        except (TypeError, ValueError):
+            raise SceneError(f"shape must be (H, W), got {shape!r}") from None
         self.shape = (height, width)
-        self.offsets = np.ascontiguousarray(offsets, dtype=np.int64)
-        self.depth = _floats(depth)
-        self.color = _check.straight_rgba("color", np.reshape(color, (-1, 4)) if np.size(color) == 0 else color)
-        n = len(self.depth)
+        self.offsets = _integers("offsets", offsets, np.int64)
+        self.depth = np.ascontiguousarray(_check.floats(_check.array_of_numbers("depth", depth, "fiu")))
+        _check.first_bad("depth", ~np.isfinite(self.depth), self.depth, "depths must be finite")
+        self.color = _check.straight_rgba("color", np.zeros((0, 4)) if np.size(color) == 0 else color)
+        n = self.depth.size
         counts = np.diff(self.offsets)
         if self.offsets.shape != (height * width + 1,) or self.offsets[0] != 0 or (counts < 0).any():
             raise SceneError(f"offsets must be ({height * width + 1},) for shape {self.shape} and rise from 0")
-        if not (self.offsets[-1] == n == len(self.color)) or self.depth.ndim != 1 or self.color.ndim != 2:
+        if self.offsets[-1] != n or self.depth.shape != (n,) or self.color.shape != (n, 4):
             raise SceneError(
                 f"offsets end at {self.offsets[-1]}, but depth is {self.depth.shape} and color {self.color.shape}"
             )
-        self.key = _orderable(self.depth) if key is None else np.ascontiguousarray(key)
+        self.key = _orderable(self.depth) if key is None else _check.array_of_numbers("key", key, "u")
         if primitive is None:
-            primitive = np.arange(n) - np.repeat(self.offsets[:-1], counts)
-        self.primitive = np.ascontiguousarray(primitive, dtype=np.int32)
-        if self.key.shape != (n,) or self.key.dtype.kind != "u" or self.primitive.shape != (n,):
-            raise SceneError(f"key and primitive must be ({n},), key unsigned, got {self.key.shape}, {self.key.dtype}")
-        if n:
-            same = self.pixel[1:] == self.pixel[:-1]
-            unsorted = same & (self.key[1:] < self.key[:-1])
-            if unsorted.any():
-                y, x = divmod(int(self.pixel[1:][unsorted][0]), width)
-                raise SceneError(f"the list of pixel [{y}, {x}] is not sorted front to back")
-        self.background = np.broadcast_to(_check.straight_rgba("background", background), (height, width, 4))
+            primitive = self.layer
+        self.primitive = _integers("primitive", primitive, np.int32)
+        if self.key.shape != (n,) or self.primitive.shape != (n,):
+            raise SceneError(f"key and primitive must be ({n},), got {self.key.shape} and {self.primitive.shape}")
+        unsorted = (np.diff(self.pixel) == 0) & (self.key[1:] < self.key[:-1])
+        if unsorted.any():
+            y, x = divmod(int(self.pixel[1:][unsorted][0]), width)
+            raise SceneError(f"the list of pixel [{y}, {x}] is not sorted front to back")
+        self.background = np.broadcast_to(as_background(background, self.shape), (height, width, 4))
         self._window = (0, 0, height, width)
 
     @classmethod
@@ -89,31 +85,17 @@ class Fragments:
         return self
 
     @classmethod
-    def from_padded(cls, depth, color, background=(0, 0, 0, 0)):
-        """From (H, W, K) depths, not finite where there is no fragment, and (H, W, K, 4) straight colours.
+    def from_padded(cls, depth, color, *, primitive=None, background=(0, 0, 0, 0)):
+        """From dense arrays, such as `to_padded` and other renderers give.
 
-        Lists need not be sorted; of equal depths the later of the K is in front.
+        Args:
+            depth: (H, W, K), not finite where there is no fragment. The K need not be sorted.
+            color: (H, W, K, 3|4) straight.
+            primitive: (H, W, K) integers. None: 0 to K − 1. Of equal depths the greater is in front, as if
+                painted last: give it, or ties come out in reverse.
+            background: as in `Fragments`.
         """
-        depth = _floats(depth)
-        color = _check.straight_rgba("color", np.where(np.isfinite(depth)[..., None], color, 0))
-        if depth.ndim != 3 or color.shape != (*depth.shape, 4):
-            raise SceneError(f"depth must be (H, W, K) and color (H, W, K, 4), got {depth.shape} and {color.shape}")
-        height, width, k = depth.shape
-        flat = depth.reshape(-1, k)
-        # A stable sort of the reversed list puts the later of two equal depths in front.
-        order = k - 1 - np.argsort(np.where(np.isfinite(flat), flat, np.inf)[:, ::-1], axis=1, kind="stable")
-        sorted_depth = np.take_along_axis(flat, order, axis=1)
-        kept = np.isfinite(sorted_depth)
-        sorted_color = np.take_along_axis(color.reshape(-1, k, 4), order[..., None], axis=1)
-        offsets = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        return cls(
-            (height, width),
-            offsets,
-            sorted_depth[kept],
-            sorted_color[kept],
-            primitive=order[kept],
-            background=background,
-        )
+        return cls(**unpad(depth, color, primitive), background=background)
 
     @property
     def counts(self) -> np.ndarray:
@@ -124,6 +106,11 @@ class Fragments:
     def pixel(self) -> np.ndarray:
         """The pixel of each fragment, y·W + x, (F,) int64."""
         return np.repeat(np.arange(len(self.offsets) - 1), np.diff(self.offsets))
+
+    @property
+    def layer(self) -> np.ndarray:
+        """How many fragments of its pixel are in front of each fragment, (F,) int64."""
+        return np.arange(self.offsets[-1]) - np.repeat(self.offsets[:-1], np.diff(self.offsets))
 
     def __len__(self):
         return len(self.depth)
@@ -187,25 +174,7 @@ class Fragments:
 
     def to_padded(self, k=None) -> Padded:
         """The k nearest fragments of each pixel as dense arrays. None: as many as the deepest pixel has."""
-        counts = np.diff(self.offsets)
-        deepest = int(counts.max(initial=0))
-        k = deepest if k is None else int(_check.number("k", k, 0))
-        layer = np.arange(len(self)) - np.repeat(self.offsets[:-1], counts)
-        kept = layer < k
-        at = self.pixel[kept], layer[kept]
-        shape = (len(counts), k)
-        depth = np.full(shape, np.inf, self.depth.dtype)
-        color = np.zeros((*shape, 4), self.color.dtype)
-        primitive = np.full(shape, -1, np.int32)
-        depth[at], color[at], primitive[at] = self.depth[kept], self.color[kept], self.primitive[kept]
-        height, width = self.shape
-        return Padded(
-            depth.reshape(height, width, k),
-            color.reshape(height, width, k, 4),
-            primitive.reshape(height, width, k),
-            None,
-            int((~kept).sum()),
-        )
+        return pad(self, k)
 
     def points(self, camera) -> np.ndarray:
         """World positions of the fragments, (F, 3) float64: on the ray through the pixel's centre."""
@@ -220,15 +189,17 @@ class Fragments:
     def barycentric(self, scene, camera) -> np.ndarray:
         """Perspective-correct barycentric coordinates in each fragment's triangle, (F, 3) float64.
 
-        At an edge they may leave [0, 1] by what snapping to 1/256 pixel moves it.
+        At an edge they may leave [0, 1] by what snapping to 1/256 pixel moves it. A triangle that has no area on
+        the screen before that gives (1, 0, 0).
         """
         from .scene import as_scene
 
         view, projection, ndc = self._rays(camera)
         result = np.empty((len(self), 3))
         triangles = as_scene(scene).triangles()
-        if len(self) and self.primitive.max() >= len(triangles):
-            raise ParameterError(f"the lists name primitive {self.primitive.max()}, the scene has {len(triangles)}")
+        if len(self) and not 0 <= self.primitive.min() <= self.primitive.max() < len(triangles):
+            named = f"{self.primitive.min()} to {self.primitive.max()}"
+            raise ParameterError(f"the lists name primitives {named}, the scene has {len(triangles)}: another scene?")
         to_clip = (projection @ view)[[0, 1, 3]]
         for start in range(0, len(self), 1 << 18):  # bounds the corners that are held at once
             part = slice(start, start + (1 << 18))
@@ -236,6 +207,7 @@ class Fragments:
             # Relative to the pixel's ray, b is the null vector of the corners' (x, y): two cross products.
             x, y = (clip[..., i] - ndc[part, None, i] * clip[..., 2] for i in (0, 1))
             b = np.stack([x[:, i] * y[:, j] - x[:, j] * y[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+            b[b.sum(axis=1) == 0] = 1, 0, 0
             result[part] = b / b.sum(axis=1, keepdims=True)
         return result
 
@@ -252,18 +224,16 @@ class Fragments:
         try:
             import pandas as pd
         except ImportError as e:
-            from .errors import UnsupportedError
-
             raise UnsupportedError("to_pandas needs pandas: pip install 'abuffer[compare]'") from e
         y, x = np.divmod(self.pixel, self.shape[1])
-        layer = np.arange(len(self)) - np.repeat(self.offsets[:-1], np.diff(self.offsets))
-        columns = {"y": y, "x": x, "layer": layer, "depth": self.depth}
+        columns = {"y": y, "x": x, "layer": self.layer, "depth": self.depth}
         columns |= dict(zip("rgba", self.color.T, strict=True)) | {"primitive": self.primitive}
         return pd.DataFrame(columns)
 
     def save(self, path):
         """Writes an .npz that `load` reads."""
-        np.savez_compressed(path, **self._arrays())
+        with open(path, "wb") as file:  # numpy would add an ending to the name
+            np.savez_compressed(file, **self._arrays())
 
     @classmethod
     def load(cls, path):
@@ -296,25 +266,12 @@ class Fragments:
         return self
 
 
-METHODS = tuple(row[0] for row in _core.methods())
-
-
-def as_background(value, shape):
-    """A background as straight RGBA, (4,) or (H, W, 4): grey, (3|4,) or (H, W, 3|4) given."""
-    array = np.asarray(value)
-    if array.ndim == 0:
-        array = np.repeat(array, 3)
-    array = _check.straight_rgba("background", array, ParameterError)
-    if array.ndim != 1 and array.shape != (*shape, 4):
-        raise ParameterError(
-            f"background must be grey, (3|4,) or (H, W, 3|4) with H, W = {shape}, got shape {np.shape(value)}"
-        )
-    return array
-
-
-def _floats(values):
-    array = np.ascontiguousarray(values)
-    return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
+def _integers(name, values, dtype):
+    """`values` as a contiguous array of `dtype`; empty ones of any kind will do."""
+    array = np.zeros(0, dtype) if np.size(values) == 0 else _check.array_of_numbers(name, values, "iu")
+    limits = np.iinfo(dtype)
+    _check.first_bad(name, (array < limits.min) | (array > limits.max), array, f"not an {limits.dtype}")
+    return np.ascontiguousarray(array, dtype)
 
 
 def _orderable(depth):
@@ -326,7 +283,7 @@ def _orderable(depth):
 
 
 def _wrapped(index, n):
-    i = int(index)
+    i = operator.index(index)
     if not -n <= i < n:
         raise IndexError(f"index {i} is out of range for {n}")
     return i % n

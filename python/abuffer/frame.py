@@ -1,14 +1,18 @@
 """What a render returns."""
 
 import json
+import os
 import warnings
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from . import _core
+from ._srgb import encode_srgb
 from .errors import ParameterError
 from .fragments import Fragments, as_background
+
+__all__ = ["Frame", "Plan", "Stats", "encode_srgb"]
 
 
 @dataclass(frozen=True)
@@ -40,11 +44,12 @@ class Plan(tuple):
 
     def __getitem__(self, index):
         if isinstance(index, str):
-            return next(choice for what, choice, _ in self if what == index)
+            choices = {what: choice for what, choice, _ in self}
+            return choices[index]
         return super().__getitem__(index)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Frame:
     """An image and the fragment lists behind it.
 
@@ -81,22 +86,22 @@ class Frame:
             background: straight, grey, (3|4,) or (H, W, 3|4), put behind the image first.
 
         Where colour exceeds alpha, straight RGBA cannot hold it: the image is then put over black, with a
-        warning.
+        warning. Colours over 1 are cut to 1, with a warning.
         """
         image = self.image.astype(np.float64)
         if background is not None:
             behind = as_background(background, image.shape[:2])
-            alpha = image[..., 3:]
-            image = image + (1 - alpha) * np.concatenate(
-                np.broadcast_arrays(behind[..., :3] * behind[..., 3:], behind[..., 3:])[:1] + [behind[..., 3:]], axis=-1
-            )
-        alpha = image[..., 3:]
-        # A few roundings over 1 are no excess.
-        if ((image[..., :3] > alpha * (1 + 1e-5) + 1e-7) & (alpha < 1)).any():
+            behind = np.concatenate([behind[..., :3] * behind[..., 3:], behind[..., 3:]], axis=-1)
+            image = image + (1 - image[..., 3:]) * behind
+        rgb, alpha = image[..., :3], image[..., 3:]
+        # A few roundings over are no excess.
+        excess = (rgb > alpha * (1 + 1e-5) + 1e-7).any(axis=-1, keepdims=True)
+        if (excess & (alpha < 1)).any():
             warnings.warn("colour exceeds alpha: shown over black", UserWarning, stacklevel=2)
-            rgb, alpha = image[..., :3], np.ones_like(alpha)
-        else:
-            rgb = np.divide(image[..., :3], alpha, out=np.zeros_like(image[..., :3]), where=alpha > 0)
+            alpha = np.ones_like(alpha)
+        elif excess.any():
+            warnings.warn("colour exceeds 1: shown as 1", UserWarning, stacklevel=2)
+        rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
         rgb = np.clip(rgb, 0, 1)
         if srgb:
             rgb = encode_srgb(rgb)
@@ -104,18 +109,23 @@ class Frame:
 
     def save(self, path, *, srgb=False, background=None):
         """Writes a .png (see `to_uint8`) or an .npz with everything, which `load` reads."""
-        path = str(path)
-        if path.endswith(".png"):
+        path = os.fspath(path)
+        ending = os.path.splitext(path)[1].lower()
+        if ending == ".png":
+            png = _core.encode_png(self.to_uint8(srgb, background))
             with open(path, "wb") as file:
-                file.write(_core.encode_png(self.to_uint8(srgb, background)))
-        elif path.endswith(".npz"):
+                file.write(png)
+        elif ending == ".npz":
+            if srgb or background is not None:
+                raise ParameterError("srgb and background are for .png; an .npz holds the numbers as they are")
             arrays = {"image": self.image, "stats": np.array(json.dumps(asdict(self.stats)))}
             arrays["plan"] = np.array(json.dumps(list(self.plan)))
             if self.counts is not None:
                 arrays["counts"] = self.counts
             if self.fragments is not None:
                 arrays |= {f"fragments_{k}": v for k, v in self.fragments._arrays().items()}
-            np.savez_compressed(path, **arrays)
+            with open(path, "wb") as file:
+                np.savez_compressed(file, **arrays)
         else:
             raise ParameterError(f"a frame saves as .png or .npz, got {path!r}")
 
@@ -137,9 +147,3 @@ class Frame:
 
     def _repr_png_(self):
         return _core.encode_png(self.to_uint8())
-
-
-def encode_srgb(linear):
-    """Linear light to sRGB, IEC 61966-2-1."""
-    curved = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, curved)

@@ -1,24 +1,23 @@
-"""Files and trimesh objects as meshes, and Lambert shading baked into colours.
+"""Files and trimesh objects as meshes.
 
 trimesh is optional (``pip install abuffer[trimesh]``) and imported when a file is read.
 """
 
 import io
-import json
 import os
 import sys
 import warnings
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .errors import ParameterError, SceneError, UnsupportedError
+from . import _check, gltf
+from ._srgb import encode_srgb
+from .errors import SceneError, UnsupportedError
 from .mesh import Mesh
+from .shade import lambert
 
 FORMATS = "PLY, OBJ, STL, OFF, GLB and glTF with triangles"
-AMBIENT = 0.35
-LIGHT = (-0.4, 0.8, 0.6)  # from above left, on the viewer's side
 
 
 class _Look(NamedTuple):
@@ -40,6 +39,11 @@ class _Part(NamedTuple):
     material: dict | None = None  # as a glTF file has it
 
 
+def is_faded(alpha, color) -> bool:
+    """Whether what is given makes an item translucent that is opaque by itself."""
+    return (alpha is not None and alpha < 1) or (color is not None and bool((color[..., 3] < 1).any()))
+
+
 def is_loadable(item) -> bool:
     """Whether `meshes` takes `item`: a path (str or os.PathLike), a trimesh.Trimesh or a trimesh.Scene.
 
@@ -59,11 +63,11 @@ def meshes(
     opaque=None,
     alpha_cutoff=None,
     cull=None,
-    name=None,
     space="srgb",
+    transform=None,
     shade=False,
 ) -> list[Mesh]:
-    """The meshes of a file, a trimesh.Scene or a trimesh.Trimesh, one per scene node, in world space.
+    """The meshes of a file, a trimesh.Scene or a trimesh.Trimesh, one per scene node, named after it, in world space.
 
     Faces keep their order, those of a file its own; trimesh cuts polygons into triangles.
 
@@ -77,105 +81,39 @@ def meshes(
             material's own alpha, MASK sets `alpha_cutoff`. True or False overrides alphaMode.
         alpha_cutoff: alpha below which an opaque mesh has a hole. None: that of a MASK material.
         cull: None, "back" or "front". None is two-sided, whatever a glTF's doubleSided says.
-        name: of the mesh; with several nodes "name/node". None: the node's.
         space: what the linear colours of PBR materials are brought to, "srgb" or "linear". Other colours are
             taken as they are.
+        transform: (4, 4), `M @ column`, applied after the nodes' own.
         shade: True, or a direction (x, y, z) to the light: bakes Lambert shading into the colours.
 
     Raises:
         SceneError: no such file, not readable, or nothing in it that can be drawn.
-        ParameterError: `space` or `shade` is none of the above.
+        ParameterError: an argument is none of the above.
         UnsupportedError: trimesh is missing, or too old.
 
     Example:
         >>> [mesh.name for mesh in meshes("bottle.glb", opaque=False)]  # doctest: +SKIP
         ['glass', 'label']
     """
-    if space not in ("srgb", "linear"):
-        raise ParameterError(f"space is {space!r}; it must be 'srgb' or 'linear'")
+    _check.choice("space", space, ("srgb", "linear"))
     parts = _parts(item)
+    if transform is not None:
+        transform = _check.affine("transform", transform)
+        parts = [part._replace(matrix=transform @ part.matrix) for part in parts]
     looks = [_look(part, space) for part in parts]
     if color is not None:
+        color = _check.straight_rgba("color", color)
         looks = [look._replace(colors=color, color_mode=None, textured=False) for look in looks]
     result = []
     for part, look in zip(parts, looks, strict=True):
-        own_name = part.name if name is None else name if len(parts) == 1 else f"{name}/{part.name}"
         arguments = _colors_and_alpha(look, alpha, opaque, alpha_cutoff, own=color is None)
-        mesh = Mesh(*_world(part), **arguments, cull=cull, name=own_name)
+        mesh = Mesh(*_world(part), **arguments, cull=cull, name=part.name)
         result.append(mesh if shade is False else lambert(mesh, shade, normals=_file_normals(part)))
     textured = sum(look.textured for look in looks)
     if textured:
         which = f"{textured} of {len(parts)} meshes have a texture image"
         warnings.warn(f"{which}, which is ignored: their base colour is used", UserWarning, stacklevel=2)
     return result
-
-
-def lambert(mesh: Mesh, light=True, *, normals=None) -> Mesh:
-    """`mesh` with two-sided Lambert shading in its colours: rgb · (0.35 + 0.65 |n·l|), alpha untouched.
-
-    Colours become one per vertex where they were one or per vertex, else one per corner.
-
-    Args:
-        mesh: any mesh.
-        light: direction to the light, (x, y, z) of any length; True: from above left, (-0.4, 0.8, 0.6).
-        normals: (N, 3) per vertex, of any length. None: the area-weighted mean of the faces at each vertex;
-            faces that share no vertices are flat.
-
-    Raises:
-        ParameterError: `light` is not a direction.
-
-    Example:
-        >>> floor = Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0)], colors=(1, 1, 1, 0.5))
-        >>> lambert(floor, (0, 1, 0)).colors[0].tolist()
-        [1.0, 1.0, 1.0, 0.5]
-    """
-    direction = np.asarray(LIGHT if light is True else light)
-    if direction.shape != (3,) or direction.dtype.kind not in "iuf":
-        raise ParameterError(f"shade is {light!r}; it must be True or a direction (x, y, z) to the light")
-    if not np.isfinite(direction).all() or not direction.any():
-        raise ParameterError(f"shade is {light!r}; a direction to the light is finite and not all zeros")
-    count = len(mesh.positions)
-    faces = np.arange(count).reshape(-1, 3) if mesh.faces is None else np.asarray(mesh.faces, np.int64)
-    if normals is None:
-        normals = _vertex_normals(np.asarray(mesh.positions, np.float64), faces)
-    cosine = np.abs(_unit(np.asarray(normals, np.float64)) @ _unit(direction.astype(np.float64)))
-    factor = AMBIENT + (1 - AMBIENT) * np.minimum(cosine, 1)  # (N,)
-    colors = np.asarray(mesh.colors)
-    if mesh.color_mode in ("one", "vertex"):
-        shaded = np.broadcast_to(colors, (count, 4)).copy()
-        shaded[:, :3] *= factor[:, None]
-    else:
-        corners = colors[:, None] if mesh.color_mode == "face" else colors
-        shaded = np.broadcast_to(corners, (len(faces), 3, 4)).copy()
-        shaded[..., :3] *= factor[faces][..., None]
-    return Mesh(
-        mesh.positions,
-        mesh.faces,
-        shaded,
-        color_mode="vertex" if shaded.ndim == 2 else "corner",
-        blend=mesh.blend,
-        opaque=mesh.opaque,
-        alpha_cutoff=mesh.alpha_cutoff,
-        cull=mesh.cull,
-        name=mesh.name,
-    )
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (…, 3) with length 1; zeros stay zeros. Scaled first: squares would leave the float range."""
-    largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=0)
-    scaled = vectors / np.where(largest > 0, largest, 1)
-    length = np.linalg.norm(scaled, axis=-1, keepdims=True)
-    return scaled / np.where(length > 0, length, 1)
-
-
-def _vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(N, 3) sums of face normals weighted by area, up to a scale."""
-    scale = np.abs(positions).max(initial=0) or 1.0
-    corners = (positions / scale)[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sums = [np.bincount(faces.ravel(), np.repeat(axis, 3), len(positions)) for axis in normals.T]
-    return np.stack(sums, axis=-1)
 
 
 def _file_normals(part: _Part) -> np.ndarray | None:
@@ -200,18 +138,14 @@ def _world(part: _Part) -> tuple[np.ndarray, np.ndarray]:
 def _colors_and_alpha(look: _Look, alpha, opaque, alpha_cutoff, *, own: bool) -> dict:
     """`Mesh`'s arguments colors, color_mode, opaque, alpha_cutoff. `own`: the colours are the item's own."""
     colors, mode = look.colors, look.alpha_mode
-    faded = alpha is not None and np.min(alpha) < 1
-    if not own:
-        given = np.asarray(colors)
-        full = 255 if given.dtype == np.uint8 else 1
-        faded |= bool(given.shape[-1:] == (4,) and (given[..., 3] < full).any())
+    faded = is_faded(alpha, None if own else colors)
     if own and alpha_cutoff is None:
         if mode == "OPAQUE" and opaque is not False:
             colors = _with_alpha(colors, 1.0)
         if mode == "MASK" and opaque is None and faded:
             colors = _with_alpha(colors, colors[..., 3] >= look.alpha_cutoff)
     if opaque is None:
-        opaque = mode in ("OPAQUE", "MASK") and not faded
+        opaque = mode in ("OPAQUE", "MASK") and (not faded or alpha_cutoff is not None)
     if opaque and mode == "MASK" and alpha_cutoff is None:
         alpha_cutoff = look.alpha_cutoff
     arguments = {"opaque": opaque, "alpha_cutoff": alpha_cutoff}
@@ -254,7 +188,7 @@ def _pbr_look(part: _Part, material: dict, space: str) -> _Look:
     factor = glossy.get("diffuseFactor", pbr.get("baseColorFactor", (1, 1, 1, 1)))
     colors = _times_vertex_colors(part, np.asarray(factor, np.float64))
     if space == "srgb":
-        colors = np.concatenate([_srgb(colors[..., :3]), colors[..., 3:]], axis=-1)
+        colors = np.concatenate([encode_srgb(colors[..., :3]), colors[..., 3:]], axis=-1)
     cutoff = material.get("alphaCutoff")
     return _Look(
         colors,
@@ -302,12 +236,6 @@ def _unorm(values) -> np.ndarray:
     """float64 numbers; integers over their type's largest."""
     values = np.asarray(values)
     return values.astype(np.float64) / (np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1)
-
-
-def _srgb(linear: np.ndarray) -> np.ndarray:
-    """Linear light to sRGB, IEC 61966-2-1."""
-    curved = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, curved)
 
 
 def _parts(item) -> list[_Part]:
@@ -358,39 +286,21 @@ def _read(path: str) -> list[_Part]:
 
 
 def _read_gltf(path: str, trimesh) -> list[_Part]:
-    """A glTF's nodes in the file's order, with its materials as they stand in the file.
-
-    trimesh rounds colours to eight bits, reorders nodes and makes up names. It therefore reads the file with
-    nodes and materials renamed to their index, and with a material everywhere.
-    """
-    data = Path(path).read_bytes()
-    binary = data[:4] == b"glTF"
-    end = 20 + int.from_bytes(data[12:16], "little")
-    gltf = json.loads(data[20:end] if binary else data)
-    gltf.pop("images", None)
-    nodes, materials = gltf.get("nodes", []), [*gltf.get("materials", []), {}]
-    names = [node.get("name", f"node_{index}") for index, node in enumerate(nodes)]
-    for index, node in enumerate(nodes):
-        node["name"] = str(index)
-        node.pop("camera", None)
-    gltf["materials"] = [{"name": str(index)} for index in range(len(materials))]
-    for mesh in gltf.get("meshes", []):
-        for primitive in mesh["primitives"]:
-            primitive.setdefault("material", len(materials) - 1)
-    text = json.dumps(gltf).encode()
-    if binary:
-        text += b" " * (-len(text) % 4)
-        sizes = [20 + len(text) + len(data) - end, len(text)]
-        text = data[:8] + np.array(sizes, "<u4").tobytes() + data[16:20] + text + data[end:]
+    """A glTF's nodes in the file's order, with its materials as they stand in the file."""
+    file = gltf.prepared(path)
     scene = trimesh.load_scene(
-        io.BytesIO(text),
-        file_type="glb" if binary else "gltf",
+        io.BytesIO(file.data),
+        file_type=file.kind,
         resolver=trimesh.resolvers.FilePathResolver(path),
         process=False,
     )
     parts = []
-    for part in sorted(_scene_parts(scene), key=lambda part: int(part.name.split("_")[0])):
+    for part in sorted(_scene_parts(scene), key=_node_index):
         visual = part.geometry.visual if hasattr(part.geometry, "faces") else None
-        material = None if visual is None else materials[int(visual.material.name)]
-        parts.append(part._replace(name=names[int(part.name.split("_")[0])], material=material))
+        material = None if visual is None else file.materials[int(visual.material.name)]
+        parts.append(part._replace(name=file.names[_node_index(part)], material=material))
     return parts
+
+
+def _node_index(part: _Part) -> int:
+    return int(part.name.split("_")[0])  # trimesh numbers the primitives of a node "3", "3_1", …

@@ -60,7 +60,7 @@ class Mesh:
         cull=None,
         name=None,
     ):
-        positions = _positions(positions)
+        positions = _positions(positions, faces is not None)
         faces = _faces(faces, len(positions))
         if faces is None and len(positions) % 3:
             raise SceneError(f"positions has {len(positions)} rows; without faces every three are a triangle")
@@ -69,6 +69,7 @@ class Mesh:
         color_mode = _color_mode(colors.shape, len(positions), count, color_mode)
         if alpha is not None:
             colors = _scaled(colors, _check.number("alpha", alpha, 0, 1))
+        opaque = _check.flag("opaque", opaque)
         if alpha_cutoff is not None:
             alpha_cutoff = _check.number("alpha_cutoff", alpha_cutoff, 0, 1)
             if not opaque:
@@ -79,18 +80,15 @@ class Mesh:
             "colors": colors,
             "color_mode": color_mode,
             "blend": _check.choice("blend", blend, BLENDS),
-            "opaque": bool(opaque),
+            "opaque": opaque,
             "alpha_cutoff": alpha_cutoff,
             "cull": _check.choice("cull", cull, (None, "back", "front")),
             "name": name,
         }
         for field, value in fields.items():
-            if isinstance(value, np.ndarray):
-                value = value.view()
-                value.flags.writeable = False
-            object.__setattr__(self, field, value)
+            object.__setattr__(self, field, _check.frozen(value) if isinstance(value, np.ndarray) else value)
 
-    def __setattr__(self, field, value):
+    def __setattr__(self, field, value=None):
         raise AttributeError(f"a Mesh is read-only: make another with another {field}")
 
     __delattr__ = __setattr__
@@ -112,6 +110,14 @@ class Mesh:
         """Corner positions, (M, 3, 3)."""
         return self.positions.reshape(-1, 3, 3) if self.faces is None else self.positions[self.faces]
 
+    def used_positions(self) -> np.ndarray:
+        """The positions that triangles have, once each, (N', 3)."""
+        if self.faces is None:
+            return self.positions
+        used = np.zeros(len(self.positions), bool)
+        used[self.faces.ravel()] = True
+        return self.positions if used.all() else self.positions[used]
+
     def replaced(self, **changes) -> "Mesh":
         """A copy with some of the constructor's arguments changed.
 
@@ -125,13 +131,13 @@ class Mesh:
 
     def transformed(self, matrix) -> "Mesh":
         """A copy moved by an affine (4, 4), `M @ column`, in float64. A mirrored mesh keeps its front."""
-        m = _check.matrix("transform", matrix)
-        if tuple(m[3]) != (0, 0, 0, 1):
-            raise ParameterError(f"transform's last row must be (0, 0, 0, 1), got {m[3].tolist()}: transposed?")
+        m = _check.affine("transform", matrix)
         cull = self.cull
         if cull and np.linalg.det(m[:3, :3]) < 0:
             cull = "front" if cull == "back" else "back"  # a mirror reverses the winding, not the side
-        return self.replaced(positions=self.positions.astype(np.float64) @ m[:3, :3].T + m[:3, 3], cull=cull)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by name
+            moved = self.positions.astype(np.float64) @ m[:3, :3].T + m[:3, 3]
+        return self.replaced(positions=moved, cull=cull)
 
     def _fields(self) -> dict:
         return {field: getattr(self, field) for field in Mesh.__slots__}
@@ -154,22 +160,18 @@ def _rebuild(fields):
     return Mesh(**fields)
 
 
-def _positions(values):
-    try:
-        array = np.asarray(values)
-    except ValueError as e:
-        raise SceneError(f"positions is not an array: {e}") from None
-    if array.dtype.kind not in "fiu":
-        raise SceneError(f"positions must be numbers, got dtype {array.dtype}")
+def _positions(values, indexed):
+    array = _check.array_of_numbers("positions", values, "fiu")
     if array.ndim == 3 and array.shape[1:] == (3, 3):
+        if indexed:
+            raise SceneError(f"positions of shape {array.shape} are triangles already: give them without faces")
         array = array.reshape(-1, 3)
-    if array.size == 0 and array.ndim < 2:
+    if array.shape == (0,):
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
         hint = ": transpose it" if array.ndim == 2 and array.shape[0] == 3 else ""
         raise SceneError(f"positions must have shape (N, 3) or (T, 3, 3), got {array.shape}{hint}")
-    if array.dtype not in (np.float32, np.float64):
-        array = array.astype(np.float32 if array.dtype == np.float16 else np.float64)
+    array = _check.floats(array)
     _check.first_bad("positions", ~np.isfinite(array), array, "positions must be finite")
     return np.ascontiguousarray(array)
 
@@ -177,18 +179,13 @@ def _positions(values):
 def _faces(values, vertices):
     if values is None:
         return None
-    try:
-        array = np.asarray(values)
-    except ValueError as e:
-        raise SceneError(f"faces is not an array: {e}") from None
-    if array.size == 0:
-        array = np.zeros((0, 3), np.uint32)
-    if array.dtype.kind not in "iu":
-        raise SceneError(f"faces must be integers, got dtype {array.dtype}")
+    if isinstance(values, (list, tuple)) and not values:
+        values = np.zeros((0, 3), np.uint32)
+    array = _check.array_of_numbers("faces", values, "iu")
     if array.ndim != 2 or array.shape[1] != 3:
         raise SceneError(f"faces must have shape (M, 3), got {array.shape}")
-    bad = (array < 0) | (array >= vertices)
-    _check.first_bad("faces", bad, array, f"there are {vertices} positions, 0 to {vertices - 1}")
+    why = f"there are {vertices} positions, 0 to {vertices - 1}" if vertices else "there are no positions"
+    _check.first_bad("faces", (array < 0) | (array >= vertices), array, why)
     return np.ascontiguousarray(array, dtype=np.uint32)
 
 
@@ -211,7 +208,7 @@ def _color_mode(shape, vertices, faces, given):
     modes = [mode for mode, fits in fitting.items() if fits]
     if not modes:
         raise SceneError(f"colors of shape {shape} (with alpha) fit neither {vertices} positions nor {faces} faces")
-    if len(modes) > 1:
+    if len(modes) > 1 and vertices:
         raise SceneError(
             f"colors of {vertices} rows fit both the positions and the faces: "
             'say color_mode="vertex" or color_mode="face"'

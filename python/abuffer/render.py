@@ -58,9 +58,10 @@ def render(
     _check.choice("pipeline", pipeline, ("auto", *tables.PIPELINES))
     _check.choice("precision", precision, ("float32", "float64"))
     _check.options(options, (), f"method {method!r}")
-    if samples != 1:
-        raise UnsupportedError(f"samples must be 1, got {samples!r}")
-    if not (fragments in (False, True) or fragments in ("count", "all")):
+    if samples != 1 or isinstance(samples, bool):
+        error = UnsupportedError if isinstance(samples, int) and samples > 1 else ParameterError
+        raise error(f"samples must be 1, got {samples!r}")
+    if not (isinstance(fragments, bool) or (isinstance(fragments, str) and fragments in ("count", "all"))):
         raise ParameterError(f'fragments must be False, "count", True or "all", got {fragments!r}')
     scene = as_scene(scene)
     if camera is None:

@@ -50,7 +50,9 @@ pub fn render<T: Real>(
         setup: &setup,
         meshes: &scene.meshes,
         list_opaque: request.lists == Lists::All,
-        scratch_bytes: memory / 2 / rayon::current_num_threads() as u64,
+        // Half for the bins, a quarter for what threads hold, a quarter for the one deepest pixel.
+        scratch_bytes: memory / 4 / rayon::current_num_threads() as u64,
+        deep_pixel: Mutex::new(memory / 4),
     };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     let hides = scene.has_opaque() && !walk.list_opaque;

@@ -1,6 +1,8 @@
 //! One tile: rasterise its triangles into fragments, bring them into pixel order by a counting sort, and
 //! sort each pixel's list. What becomes of the lists is the visitor's business.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::coverage::Edges;
 use super::setup::{FLAT, Record, Setup};
 use crate::error::{Error, Result};
@@ -80,6 +82,8 @@ pub struct Walk<'a, T> {
     pub list_opaque: bool,
     /// Scratch bytes that one thread may hold.
     pub scratch_bytes: u64,
+    /// Bytes that a single pixel may take where that is too little: whoever holds the lock uses them.
+    pub deep_pixel: Mutex<u64>,
 }
 
 /// One pixel's fragments, front to back.
@@ -124,23 +128,36 @@ impl<T: Real> Walk<'_, T> {
         visitor: &mut impl FnMut(Pixel<T::Key>),
     ) -> Result<()> {
         let entry_bytes = (size_of::<(u32, T::Key, u32)>() + size_of::<Entry<T::Key>>()) as u64;
-        let affordable = (self.scratch_bytes / entry_bytes) as usize;
-        let alone = region.pixels() == 1;
-        let limit = if alone { affordable } else { affordable.min(FRAGMENTS_AT_ONCE) };
-        if !self.emit(records, region, limit, scratch) {
-            if alone {
-                return Err(Error::Capacity {
-                    what: format!("the fragment list of pixel [{}, {}]", region.y0, region.x0),
-                    needed: entry_bytes * (limit as u64 + 1),
-                    limit: self.scratch_bytes,
-                    advice: "raise memory=".into(),
-                });
-            }
+        let limit = ((self.scratch_bytes / entry_bytes) as usize).min(FRAGMENTS_AT_ONCE);
+        if self.emit(records, region, limit, scratch) {
+            self.hand_out(region, scratch, visitor);
+        } else if region.pixels() > 1 {
             for half in region.halves() {
                 self.visit(records, half, scratch, visitor)?;
             }
-            return Ok(());
+        } else {
+            let bytes = self.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner);
+            if !self.emit(records, region, (*bytes / entry_bytes) as usize, scratch) {
+                return Err(Error::Capacity {
+                    what: format!("the fragment list of pixel [{}, {}]", region.y0, region.x0),
+                    needed: entry_bytes * scratch.emitted.len() as u64,
+                    limit: *bytes,
+                    advice: "raise memory=".into(),
+                });
+            }
+            self.hand_out(region, scratch, visitor);
+            *scratch = Scratch::default(); // as large as this pixel: not for keeps
         }
+        Ok(())
+    }
+
+    /// Sorts what was emitted, and calls the visitor for each pixel.
+    fn hand_out(
+        &self,
+        region: Region,
+        scratch: &mut Scratch<T::Key>,
+        visitor: &mut impl FnMut(Pixel<T::Key>),
+    ) {
         self.bring_into_pixel_order(region, scratch);
         for p in 0..region.pixels() {
             let list = &mut scratch.sorted[scratch.starts[p] as usize..scratch.starts[p + 1] as usize];
@@ -149,7 +166,6 @@ impl<T: Real> Walk<'_, T> {
             let (x, y) = (region.x0 + p as i32 % region.w, region.y0 + p as i32 / region.w);
             visitor(Pixel { x, y, entries: &list[..kept], opaque });
         }
-        Ok(())
     }
 
     /// Rasterises into `scratch.emitted`. `false` if there are more than `limit` fragments.
@@ -209,7 +225,7 @@ impl<T: Real> Walk<'_, T> {
         }
         let edges = Edges::new(record, region.x0, region.y0);
         let all = edges.contains(region.w, region.h);
-        let cutoff = T::from_f64(f64::from(self.meshes[record.mesh as usize].alpha_cutoff));
+        let cutoff = T::from_f64(self.meshes[record.mesh as usize].alpha_cutoff);
         for j in first..last {
             let span = if all { 0..region.w } else { edges.span(j, from, to) };
             let row = j * region.w;

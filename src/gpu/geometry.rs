@@ -40,7 +40,7 @@ impl Geometry {
             .meshes
             .iter()
             .map(|mesh| MeshState {
-                alpha_cutoff: mesh.alpha_cutoff,
+                alpha_cutoff: mesh.alpha_cutoff as f32,
                 is_opaque: u32::from(mesh.opaque),
                 cull: match mesh.cull {
                     Cull::None => 0,
