@@ -1,0 +1,155 @@
+"""The command line: ``python -m abuffer``, or ``abuffer``."""
+
+import argparse
+import contextlib
+import sys
+import threading
+import warnings
+from pathlib import Path
+
+import abuffer as ab
+
+LONG = 1.0  # seconds after which work says that it is going on
+
+
+def main(argv=None) -> int:
+    """Runs one command and returns its exit status: 0; 2 for a wrong argument or scene; 130 after Ctrl-C; else 1.
+
+    Args:
+        argv: list of str. None: the process's own.
+    """
+    arguments = _parser().parse_args(argv)
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: print(f"abuffer: warning: {message}", file=sys.stderr)
+        try:
+            arguments.run(arguments)
+        except (ab.ParameterError, ab.SceneError) as e:
+            return _failed(e, 2)
+        except (ab.AbufferError, OSError) as e:
+            return _failed(e, 1)
+        except KeyboardInterrupt:
+            return 130
+    return 0
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="abuffer", description="Renders translucent models exactly, whatever order their triangles come in."
+    )
+    parser.add_argument("--version", action="version", version=f"abuffer {ab.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    render = commands.add_parser("render", help="render models into one image", description="Renders models.")
+    render.set_defaults(run=_render)
+    add = render.add_argument
+    add("models", nargs="+", metavar="MODEL", help="PLY, OBJ, STL, OFF, GLB or glTF file")
+    add("-o", "--output", required=True, metavar="FILE", help=".png, or .npz with everything that was computed")
+    add("--fragments", metavar="FILE", help=".npz for the fragment lists")
+    add("--plan", action="store_true", help="print what was chosen, and why")
+
+    look = render.add_argument_group("look")
+    add = look.add_argument
+    add("--alpha", type=float, metavar="A", help="multiplies the models' alpha, 0 to 1")
+    add("--shade", action="store_true", help="Lambert shading")
+    add(
+        "--background", default="0,0,0,0", metavar="COLOR", help="grey, r,g,b or r,g,b,a, 0 to 1 (default: transparent)"
+    )
+    add("--azimuth", type=float, default=30.0, metavar="DEGREES", help="of the eye around up (default: 30)")
+    add("--elevation", type=float, default=20.0, metavar="DEGREES", help="of the eye over the horizon (default: 20)")
+    add("--width", type=int, metavar="PIXELS", help="with --height (default: 640x480)")
+    add("--height", type=int, metavar="PIXELS")
+
+    how = render.add_argument_group("how it is computed")
+    add = how.add_argument
+    add("--method", default="exact", help="see `abuffer methods` (default: exact)")
+    add("--pipeline", default="auto", help="tiles, linked_list or auto (default)")
+    add("--device", default="auto", help="cpu, gpu, part of a name that `abuffer devices` prints, or auto (default)")
+    add("--precision", default="float32", help="float32 (default) or float64")
+    add("--memory", metavar="BYTES", help='limit for lists and scratch, such as "2GiB"')
+
+    devices = commands.add_parser("devices", help="print the devices that can render", description="Prints devices.")
+    devices.set_defaults(run=lambda _: print(ab.devices()))
+    methods = commands.add_parser("methods", help="print the methods", description="Prints methods.")
+    methods.set_defaults(run=lambda _: print(ab.methods()))
+    return parser
+
+
+def _render(given):
+    # What is known to fail at the end had better fail at once.
+    output = _writable("--output", given.output, (".png", ".npz"))
+    lists = given.fragments and _writable("--fragments", given.fragments, (".npz",))
+    background = _color(given.background)
+    with _status("rendering"):
+        scene = ab.Scene()
+        for model in given.models:
+            scene.add(model, alpha=given.alpha, shade=given.shade)
+        frame = ab.render(
+            scene,
+            ab.Camera.fit(scene, azimuth=given.azimuth, elevation=given.elevation),
+            width=given.width,
+            height=given.height,
+            method=given.method,
+            pipeline=given.pipeline,
+            device=given.device,
+            background=background,
+            fragments=lists is not None,
+            precision=given.precision,
+            memory=given.memory,
+        )
+        frame.save(output)
+        if lists is not None:
+            frame.fragments.save(lists)
+    height, width = frame.image.shape[:2]
+    print(f"{output}: {width}x{height}, {frame.stats}")
+    if given.plan:
+        print(frame.plan)
+
+
+def _writable(option, path, suffixes):
+    path = Path(path)
+    if path.suffix not in suffixes:
+        raise ab.ParameterError(f"{option} must end in {' or '.join(suffixes)}, got {str(path)!r}")
+    if not path.parent.is_dir():
+        raise ab.ParameterError(f"{option} is in {str(path.parent)!r}, which is not a directory")
+    return path
+
+
+def _color(text):
+    """ "r,g,b" as numbers; how many there may be is for render to say."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ab.ParameterError(f"--background must be numbers such as 1,1,1, got {text!r}") from None
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+@contextlib.contextmanager
+def _status(text):
+    """Shows `text` on a terminal while the block runs long; nothing without rich, or if it is short."""
+    try:
+        from rich.console import Console
+    except ImportError:
+        yield
+        return
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield
+        return
+    status = console.status(f"{text} …")
+    timer = threading.Timer(LONG, status.start)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()  # else it might start after the stop
+        status.stop()
+
+
+def _failed(error, status):
+    print(f"abuffer: error: {' '.join(str(error).split())}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

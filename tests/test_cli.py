@@ -1,0 +1,197 @@
+"""The command line."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import abuffer as ab
+from abuffer.__main__ import LONG, _status, main
+
+OBJ = """\
+v -1 -1 0
+v 1 -1 0
+v 0 1 0
+f 1 2 3
+"""
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "triangle.obj"
+    path.write_text(OBJ)
+    return str(path)
+
+
+def failed(capsys, status, *argv):
+    """The one line on stderr of a command that fails with this exit status."""
+    assert main([str(a) for a in argv]) == status
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (line,) = printed.err.splitlines()
+    assert line.startswith("abuffer: error: ")
+    return line.removeprefix("abuffer: error: ")
+
+
+def test_render_writes_a_png_and_one_line(model, tmp_path, capsys):
+    assert main(["render", model, "-o", str(tmp_path / "a.png"), "--width", "32", "--height", "24"]) == 0
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (32, 24)
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(f"{tmp_path / 'a.png'}: 32x24, ")
+    assert "fragments" in line
+
+
+def test_render_does_what_the_library_does(model, tmp_path):
+    options = "--alpha .4 --shade --width 40 --height 30 --background 1,.5,0 --azimuth 70 --elevation -5"
+    assert main(["render", model, "-o", str(tmp_path / "a.npz"), "--precision", "float64", *options.split()]) == 0
+    scene = ab.Scene()
+    scene.add(model, alpha=0.4, shade=True)
+    camera = ab.Camera.fit(scene, azimuth=70, elevation=-5)
+    expected = ab.render(scene, camera, width=40, height=30, background=(1, 0.5, 0), precision="float64")
+    np.testing.assert_array_equal(ab.Frame.load(tmp_path / "a.npz").image, expected.image)
+
+
+def test_several_models_are_one_scene(model, tmp_path):
+    other = tmp_path / "other.obj"
+    other.write_text(OBJ.replace(" 0\n", " 1\n"))
+    out = str(tmp_path / "a.npz")
+    assert (
+        main(["render", model, str(other), "-o", out, "--fragments", str(tmp_path / "f.npz"), "--elevation", "0"]) == 0
+    )
+    lists = ab.Fragments.load(tmp_path / "f.npz")
+    assert lists.counts.max() == 2
+    assert set(lists.primitive) == {0, 1}
+
+
+def test_plan_is_printed_on_demand(model, tmp_path, capsys):
+    assert main(["render", model, "-o", str(tmp_path / "a.png"), "--plan", "--device", "cpu"]) == 0
+    assert "\ndevice: cpu (" in capsys.readouterr().out
+
+
+def test_methods_are_printed(capsys):
+    assert main(["methods"]) == 0
+    assert "exact" in capsys.readouterr().out
+
+
+def test_devices_are_printed(capsys):
+    assert main(["devices"]) == 0
+    assert "cpu" in capsys.readouterr().out
+
+
+def test_the_version_is_printed(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"abuffer {ab.__version__}\n"
+
+
+def test_no_command_is_a_usage_error(capsys):
+    with pytest.raises(SystemExit) as end:
+        main([])
+    assert end.value.code == 2
+    assert "COMMAND" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--method", "exakt"], "did you mean 'exact'?"),
+        (["--width", "10"], "give both width and height"),
+        (["--background", "red"], "--background must be numbers such as 1,1,1, got 'red'"),
+        (["--background", "1,1"], "background must"),
+        (["--memory", "lots"], "memory must be bytes"),
+        (["--alpha", "2"], "alpha must be between 0"),
+        (["--fragments", "lists.csv"], "--fragments must end in .npz"),
+    ],
+)
+def test_a_wrong_option_is_one_line_and_status_2(model, tmp_path, capsys, options, message):
+    line = failed(capsys, 2, "render", model, "-o", tmp_path / "a.png", *options)
+    assert message in line
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_a_missing_model_is_status_2(tmp_path, capsys):
+    assert "nothing.obj" in failed(capsys, 2, "render", tmp_path / "nothing.obj", "-o", tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("output", "message"), [("a.jpg", "must end in .png or .npz"), ("no/a.png", "not a directory")]
+)
+def test_an_output_that_cannot_be_written_is_known_before_the_render(tmp_path, capsys, output, message):
+    assert message in failed(capsys, 2, "render", tmp_path / "nothing.obj", "-o", tmp_path / output)
+
+
+def test_other_errors_are_status_1(model, tmp_path, capsys, monkeypatch):
+    def broken(*_, **__):
+        raise ab.DeviceError("the device\nwas lost")
+
+    monkeypatch.setattr(ab, "render", broken)
+    assert failed(capsys, 1, "render", model, "-o", tmp_path / "a.png") == "the device was lost"
+
+
+def test_a_directory_as_output_is_status_1(model, tmp_path, capsys):
+    (tmp_path / "a.png").mkdir()
+    assert "a.png" in failed(capsys, 1, "render", model, "-o", tmp_path / "a.png")
+
+
+def test_ctrl_c_is_quiet(model, tmp_path, capsys, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ab, "render", interrupted)
+    assert main(["render", model, "-o", str(tmp_path / "a.png")]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_warnings_are_one_line(model, tmp_path):
+    # In a process of its own, where warnings are no errors: a model with a texture that is ignored.
+    textured = tmp_path / "textured.obj"
+    textured.write_text("mtllib a.mtl\nvt 0 0\n" + OBJ.replace("f 1 2 3", "usemtl m\nf 1/1 2/1 3/1"))
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\nmap_Kd a.png\n")
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "a.png")
+    command = [sys.executable, "-m", "abuffer", "render", str(textured), "-o", str(tmp_path / "out.png")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("abuffer: warning: ")
+    assert "texture" in line
+
+
+def test_an_error_of_the_process_is_its_exit_status(tmp_path):
+    command = [sys.executable, "-m", "abuffer", "render", "nothing.obj", "-o", "a.png"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("abuffer: error: ")
+    assert "Traceback" not in done.stderr
+
+
+def test_nothing_is_shown_of_progress_unless_stderr_is_a_terminal(capsys):
+    with _status("rendering"):
+        time.sleep(LONG + 0.1)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_long_work_shows_progress_on_a_terminal(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich takes stderr for a terminal then
+    with _status("rendering"):
+        time.sleep(LONG + 0.3)
+    assert "rendering" in capsys.readouterr().err
+
+
+def test_short_work_shows_nothing_on_a_terminal(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with _status("rendering"):
+        pass
+    assert "rendering" not in capsys.readouterr().err
+
+
+def test_without_rich_there_is_no_progress(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setitem(sys.modules, "rich.console", None)
+    with _status("rendering"):
+        time.sleep(LONG + 0.1)
+    assert capsys.readouterr() == ("", "")
