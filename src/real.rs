@@ -20,6 +20,8 @@ pub trait Real:
     + 'static
 {
     type Key: Copy + Ord + Send + Sync + Default + std::fmt::Debug + 'static;
+    /// A key and a rank in one integer, ordered by the key first: one comparison sorts by both.
+    type Entry: Copy + Ord + Bounded + Send + Sync + Default + std::fmt::Debug + 'static;
     const ZERO: Self;
     const ONE: Self;
     const NAN: Self;
@@ -34,6 +36,9 @@ pub trait Real:
     /// Bits whose unsigned order is the order of the values; −0 counts as +0, so that they tie.
     fn orderable(self) -> Self::Key;
     fn from_orderable(key: Self::Key) -> Self;
+    fn entry(key: Self::Key, rank: u32) -> Self::Entry;
+    fn key_of(entry: Self::Entry) -> Self::Key;
+    fn rank_of(entry: Self::Entry) -> u32;
     /// The key in reverse order.
     fn reversed(key: Self::Key) -> Self::Key;
 
@@ -50,10 +55,22 @@ pub trait Real:
     }
 }
 
+/// An integer with a largest value, which sorts after every entry.
+pub trait Bounded {
+    const MAX: Self;
+}
+impl Bounded for u64 {
+    const MAX: Self = Self::MAX;
+}
+impl Bounded for u128 {
+    const MAX: Self = Self::MAX;
+}
+
 macro_rules! impl_real {
-    ($float:ty, $key:ty, $sign:expr) => {
+    ($float:ty, $key:ty, $entry:ty, $sign:expr) => {
         impl Real for $float {
             type Key = $key;
+            type Entry = $entry;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const NAN: Self = <$float>::NAN;
@@ -89,14 +106,26 @@ macro_rules! impl_real {
                 <$float>::from_bits(if key & $sign == 0 { !key } else { key & !$sign })
             }
             #[inline]
+            fn entry(key: $key, rank: u32) -> $entry {
+                <$entry>::from(key) << 32 | <$entry>::from(rank)
+            }
+            #[inline]
+            fn key_of(entry: $entry) -> $key {
+                (entry >> 32) as $key
+            }
+            #[inline]
+            fn rank_of(entry: $entry) -> u32 {
+                entry as u32
+            }
+            #[inline]
             fn reversed(key: $key) -> $key {
                 !key
             }
         }
     };
 }
-impl_real!(f32, u32, 0x8000_0000_u32);
-impl_real!(f64, u64, 0x8000_0000_0000_0000_u64);
+impl_real!(f32, u32, u64, 0x8000_0000_u32);
+impl_real!(f64, u64, u128, 0x8000_0000_0000_0000_u64);
 
 /// The sort key of a fragment: smaller is in front.
 ///

@@ -28,7 +28,7 @@ pub struct ClipVolume<T> {
 /// One viewport on each side: NDC from −3 to 3.
 const GUARD: f64 = 3.0;
 /// Three corners and one more for each of six planes.
-const MAX_CORNERS: usize = 9;
+pub const MAX_CORNERS: usize = 9;
 
 /// A convex polygon without allocation.
 #[derive(Debug, Clone, Copy)]
@@ -38,7 +38,7 @@ pub struct Polygon<T> {
 }
 
 impl<T: Real> Polygon<T> {
-    pub fn triangle(v: [Vertex<T>; 3]) -> Self {
+    fn triangle(v: [Vertex<T>; 3]) -> Self {
         let mut corners = [v[0]; MAX_CORNERS];
         corners[1] = v[1];
         corners[2] = v[2];

@@ -1,6 +1,8 @@
 //! Which pixel centres a snapped triangle covers: integer edge functions and the top-left rule, so that
 //! two triangles that share an edge never both cover a centre, and never both miss it (Pineda 1988).
 
+use std::ops::Range;
+
 use super::setup::Record;
 
 /// The three edge functions of a triangle, relative to the centre of the first pixel of a region of at
@@ -39,27 +41,87 @@ impl Edges {
         (0..3).any(|e| self.q[e] + (self.a[e] * (w - 1)).max(0) + (self.b[e] * (h - 1)).max(0) < 0)
     }
 
-    /// The covered pixels of row `j` among columns `from..to`: one span, since a triangle is convex.
+    /// Calls `row(j, columns)` for each of `rows` that has covered pixels among `columns`: one span, since
+    /// a triangle is convex.
+    ///
+    /// An edge crosses a row between two columns; that column moves by the same quotient from row to row,
+    /// and one more whenever the remainder is full, so that rows take additions only.
     #[inline]
-    pub fn span(&self, j: i32, from: i32, to: i32) -> std::ops::Range<i32> {
-        let at = |i: i32| -> [i32; 3] { std::array::from_fn(|e| self.q[e] + self.b[e] * j + self.a[e] * i) };
-        let mut e = at(from);
-        let mut start = from;
-        while start < to && (e[0] | e[1] | e[2]) < 0 {
-            start += 1;
-            e = [e[0] + self.a[0], e[1] + self.a[1], e[2] + self.a[2]];
+    pub fn spans(&self, columns: Range<i32>, rows: Range<i32>, mut row: impl FnMut(i32, Range<i32>)) {
+        let mut crossings: [Crossing; 3] =
+            std::array::from_fn(|e| Crossing::new(self.a[e], self.b[e], self.q[e] + self.b[e] * rows.start));
+        for j in rows {
+            let (mut start, mut end) = (columns.start, columns.end);
+            for crossing in &mut crossings {
+                match crossing.side {
+                    // q + a i ≥ 0 ⇔ i ≥ −⌊q / a⌋, or for negative a ⇔ i ≤ ⌊q / −a⌋.
+                    Side::Left => start = start.max(-crossing.quotient),
+                    Side::Right => end = end.min(crossing.quotient + 1),
+                    Side::Level => end = if crossing.quotient < 0 { start } else { end },
+                }
+                crossing.next_row();
+            }
+            if start < end {
+                row(j, start..end);
+            }
         }
-        let mut end = start;
-        while end < to && (e[0] | e[1] | e[2]) >= 0 {
-            end += 1;
-            e = [e[0] + self.a[0], e[1] + self.a[1], e[2] + self.a[2]];
-        }
-        start..end
     }
 
     /// All pixels of a `w` × `h` region are inside.
     pub fn contains(&self, w: i32, h: i32) -> bool {
         (0..3).all(|e| self.q[e] + (self.a[e] * (w - 1)).min(0) + (self.b[e] * (h - 1)).min(0) >= 0)
+    }
+}
+
+/// Which end of a row's span an edge bounds.
+#[derive(Clone, Copy)]
+enum Side {
+    Left,
+    Right,
+    /// Horizontal: the whole row is inside, or none of it.
+    Level,
+}
+
+/// An edge function along the first column, divided by its slope along a row.
+#[derive(Clone, Copy)]
+struct Crossing {
+    side: Side,
+    divisor: i32,
+    /// ⌊value / divisor⌋ and the remainder.
+    quotient: i32,
+    remainder: i32,
+    /// What a row adds to them.
+    step: i32,
+    step_remainder: i32,
+}
+
+impl Crossing {
+    fn new(a: i32, b: i32, value: i32) -> Self {
+        let side = match a.signum() {
+            1 => Side::Left,
+            -1 => Side::Right,
+            _ => Side::Level,
+        };
+        let divisor = a.abs().max(1);
+        let (quotient, step) = (value.div_euclid(divisor), b.div_euclid(divisor));
+        Self {
+            side,
+            divisor,
+            quotient,
+            remainder: value - quotient * divisor,
+            step,
+            step_remainder: b - step * divisor,
+        }
+    }
+
+    #[inline]
+    fn next_row(&mut self) {
+        self.quotient += self.step;
+        self.remainder += self.step_remainder;
+        if self.remainder >= self.divisor {
+            self.remainder -= self.divisor;
+            self.quotient += 1;
+        }
     }
 }
 
@@ -89,6 +151,13 @@ mod tests {
             self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (((self.0 >> 33) as i64) % (2 * range) - range) as i32
         }
+    }
+
+    /// The spans of 16 rows of 16 columns.
+    fn all_spans(edges: &Edges) -> [Range<i32>; 16] {
+        let mut spans = std::array::from_fn(|_| 0..0);
+        edges.spans(0..16, 0..16, |j, span| spans[j as usize] = span);
+        spans
     }
 
     /// The definition, in 128 bits at the snapped scale.
@@ -126,11 +195,12 @@ mod tests {
             let edges = Edges::new(&r, x0, y0);
             let mut any = false;
             let mut all = true;
+            let spans = all_spans(&edges);
             for j in 0..16 {
-                let span = edges.span(j, 0, 16);
                 for i in 0..16 {
                     let wanted = area != 0 && inside(&r, x0 + i, y0 + j);
-                    assert_eq!(area != 0 && span.contains(&i), wanted, "{x:?} {y:?} pixel {i} {j}");
+                    let got = area != 0 && spans[j as usize].contains(&i);
+                    assert_eq!(got, wanted, "{x:?} {y:?} pixel {i} {j}");
                     covered += usize::from(wanted);
                     any |= wanted;
                     all &= wanted;
@@ -152,7 +222,7 @@ mod tests {
             for i in 0..8 {
                 let hits = [&upper, &lower]
                     .iter()
-                    .filter(|r| Edges::new(r, 0, 0).span(j, 0, 16).contains(&i))
+                    .filter(|r| all_spans(&Edges::new(r, 0, 0))[j].contains(&i))
                     .count();
                 assert_eq!(hits, 1, "pixel {i} {j}");
             }

@@ -4,6 +4,7 @@ mod bin;
 mod clip;
 mod coverage;
 mod setup;
+mod sort;
 mod target;
 mod tile;
 
@@ -49,19 +50,19 @@ pub fn render<T: Real>(
     let walk = Walk {
         setup: &setup,
         meshes: &scene.meshes,
-        list_opaque: request.lists == Lists::All,
+        hides: scene.has_opaque() && request.lists != Lists::All,
+        list_opaque: scene.has_opaque() && request.lists == Lists::All,
         // Half for the bins, a quarter for what threads hold, a quarter for the one deepest pixel.
         scratch_bytes: memory / 4 / rayon::current_num_threads() as u64,
         deep_pixel: Mutex::new(memory / 4),
     };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
-    let hides = scene.has_opaque() && !walk.list_opaque;
     // Poisoned: a pixel that no tile writes would show.
     let mut image = allocate("the image", pixels, [T::NAN; 4])?;
     let mut counts = (request.lists != Lists::None).then(|| allocate("counts", pixels, -1)).transpose()?;
     let mut behind =
-        (wants_lists && hides).then(|| allocate("background", pixels, [T::NAN; 4])).transpose()?;
-    let scratches = Scratches::default();
+        (wants_lists && walk.hides).then(|| allocate("background", pixels, [T::NAN; 4])).transpose()?;
+    let scratches = Scratches::<T>::default();
 
     let clock = Instant::now();
     let mut targets = ImageTarget::cut(&mut image, counts.as_deref_mut(), behind.as_deref_mut(), width);
@@ -129,16 +130,16 @@ fn out_of_memory(what: &str, needed: u64) -> Error {
 }
 
 /// Buffers that threads borrow for one tile at a time.
-struct Scratches<K>(Mutex<Vec<Scratch<K>>>);
+struct Scratches<T: Real>(Mutex<Vec<Scratch<T>>>);
 
-impl<K> Default for Scratches<K> {
+impl<T: Real> Default for Scratches<T> {
     fn default() -> Self {
         Self(Mutex::new(Vec::new()))
     }
 }
 
-impl<K: Default> Scratches<K> {
-    fn with<R>(&self, use_it: impl FnOnce(&mut Scratch<K>) -> R) -> R {
+impl<T: Real> Scratches<T> {
+    fn with<R>(&self, use_it: impl FnOnce(&mut Scratch<T>) -> R) -> R {
         // A poisoned lock means that a thread panicked between two pushes: the buffers are still sound.
         let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut scratch = free.unwrap_or_default();

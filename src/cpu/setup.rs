@@ -10,7 +10,7 @@
 use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 
-use super::clip::{ClipVolume, Polygon, Vertex};
+use super::clip::{ClipVolume, MAX_CORNERS, Vertex};
 use crate::camera::Camera;
 use crate::real::Real;
 use crate::scene::{Cull, Scene};
@@ -85,6 +85,8 @@ pub struct Setup<T> {
     /// Triangles with finite corners whose transformed values are not.
     pub rejected: u64,
     pub perspective: bool,
+    /// Some triangle was cut into several pieces.
+    pub has_pieces: bool,
 }
 
 impl<T> Setup<T> {
@@ -125,6 +127,7 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) 
         gradients: Vec::new(),
         rejected: 0,
         perspective: rows.perspective,
+        has_pieces: false,
     };
     // A few chunks a thread at a time, so that what is copied together stays small beside the whole.
     let batch = CHUNK * 4 * rayon::current_num_threads();
@@ -144,6 +147,7 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) 
             }));
             setup.gradients.extend_from_slice(&part.gradients);
             setup.rejected += part.rejected;
+            setup.has_pieces |= part.has_pieces;
         }
     }
     setup
@@ -154,11 +158,12 @@ struct Part<T> {
     records: Vec<Record<T>>,
     gradients: Vec<[Plane<T>; 4]>,
     rejected: u64,
+    has_pieces: bool,
 }
 
 impl<T: Real> Part<T> {
     fn of(scene: &Scene, view: &View<T>, first: usize, end: usize) -> Self {
-        let mut part = Self { records: Vec::new(), gradients: Vec::new(), rejected: 0 };
+        let mut part = Self { records: Vec::new(), gradients: Vec::new(), rejected: 0, has_pieces: false };
         let (mut mesh, mut face) = scene.locate(first);
         for primitive in first..end {
             while face == scene.meshes[mesh].face_count() {
@@ -186,16 +191,17 @@ impl<T: Real> Part<T> {
             return Some(());
         }
         let (vertices, flipped) = canonical(given);
-        let polygon = if view.volume.contains(&vertices) {
-            Polygon::triangle(vertices)
+        let clipped;
+        let corners = if view.volume.contains(&vertices) {
+            &vertices[..]
         } else {
-            view.volume.clip(vertices)
+            clipped = view.volume.clip(vertices);
+            clipped.corners()
         };
-        let corners = polygon.corners();
         if corners.len() < 3 {
             return Some(());
         }
-        let mut screen = [Corner::default(); 9];
+        let mut screen = [Corner::default(); MAX_CORNERS];
         for (corner, v) in screen.iter_mut().zip(corners) {
             *corner = view.to_screen(v)?;
         }
@@ -227,6 +233,7 @@ impl<T: Real> Part<T> {
         if self.records.len() == first_piece {
             return Some(());
         }
+        self.has_pieces |= self.records.len() > first_piece + 1;
         // The planes are the parent's: all its pieces share them.
         let Some(frame) = Frame::of(screen, corners, view.volume.perspective, &vertices) else {
             self.records.truncate(first_piece);
@@ -297,11 +304,15 @@ impl<T: Real> View<T> {
 /// Puts the vertices in an order that depends on their values alone, so that coincident faces tie
 /// whatever their rotation or winding. Also tells whether that reversed the winding.
 fn canonical<T: Real>(v: [Vertex<T>; 3]) -> ([Vertex<T>; 3], bool) {
-    let key = |v: &Vertex<T>| {
-        (v.x.orderable(), v.y.orderable(), v.w.orderable(), v.depth.orderable(), v.color.map(T::orderable))
+    let rest =
+        |v: &Vertex<T>| (v.y.orderable(), v.w.orderable(), v.depth.orderable(), v.color.map(T::orderable));
+    // Nearly always x decides.
+    let compare = |&a: &usize, &b: &usize| {
+        let (a, b) = (&v[a], &v[b]);
+        a.x.orderable().cmp(&b.x.orderable()).then_with(|| rest(a).cmp(&rest(b)))
     };
     let mut order = [0, 1, 2];
-    order.sort_by_key(|&i| key(&v[i]));
+    order.sort_by(compare);
     let flipped = matches!(order, [0, 2, 1] | [1, 0, 2] | [2, 1, 0]);
     (order.map(|i| v[i]), flipped)
 }

@@ -64,12 +64,12 @@ impl<'a, T: Real> ImageTarget<'a, T> {
             .collect()
     }
 
-    pub fn resolve(&mut self, walk: &Walk<T>, pixel: &Pixel<T::Key>, background: [T; 4]) {
+    pub fn resolve(&mut self, walk: &Walk<T>, pixel: &Pixel<T>, background: [T; 4]) {
         let Pixel { x, y, entries, opaque } = *pixel;
-        let behind = opaque.map_or(background, |(_, rank)| walk.color(rank, x, y));
+        let behind = opaque.map_or(background, |entry| walk.color(entry, x, y));
         let mut state = exact::State::begin();
-        for &(_, rank) in entries {
-            state.insert(walk.color(rank, x, y));
+        for &entry in entries {
+            state.insert(walk.color(entry, x, y));
             if state.is_saturated() {
                 break;
             }
@@ -129,14 +129,15 @@ impl<'a, T: Real> ListTarget<'a, T> {
     }
 
     /// `start`: the pixel's offset.
-    pub fn write(&mut self, walk: &Walk<T>, pixel: &Pixel<T::Key>, start: i64) {
+    pub fn write(&mut self, walk: &Walk<T>, pixel: &Pixel<T>, start: i64) {
         let row = &mut self.rows[pixel.y as usize % TILE as usize];
         let start = (start - row.first) as usize;
-        for (i, &(key, rank)) in pixel.entries.iter().enumerate() {
+        for (i, &entry) in pixel.entries.iter().enumerate() {
+            let key = T::key_of(entry);
             row.depth[start + i] = depth_of_key(key, walk.setup.perspective);
             row.key[start + i] = key;
-            row.color[start + i] = walk.color(rank, pixel.x, pixel.y);
-            row.primitive[start + i] = walk.primitive(rank) as i32;
+            row.color[start + i] = walk.color(entry, pixel.x, pixel.y);
+            row.primitive[start + i] = walk.primitive(entry) as i32;
         }
     }
 }

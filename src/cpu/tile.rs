@@ -1,10 +1,13 @@
 //! One tile: rasterise its triangles into fragments, bring them into pixel order by a counting sort, and
 //! sort each pixel's list. What becomes of the lists is the visitor's business.
 
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
+use super::bin::TILE;
 use super::coverage::Edges;
 use super::setup::{FLAT, Record, Setup};
+use super::sort::sort;
 use crate::error::{Error, Result};
 use crate::real::{Real, sort_key};
 use crate::scene::Mesh;
@@ -35,12 +38,8 @@ impl Region {
     }
 }
 
-/// A fragment in a sorted list: its key, then its rank, smaller in front.
-///
-/// The rank is the complement of the record, so that later triangles win ties; its top bit puts an
-/// opaque fragment behind translucent ones at the same depth.
-pub type Entry<K> = (K, u32);
-
+/// A rank orders fragments of equal keys, smaller in front: the complement of the record, so that later
+/// triangles win ties; its top bit puts an opaque fragment behind translucent ones at its depth.
 const OPAQUE_BIT: u32 = 1 << 31;
 
 fn rank(record: u32, opaque: bool) -> u32 {
@@ -48,28 +47,50 @@ fn rank(record: u32, opaque: bool) -> u32 {
 }
 
 /// The record that a rank was made from.
-pub fn record_of(rank: u32) -> usize {
+fn record_of(rank: u32) -> usize {
     (!rank & !OPAQUE_BIT) as usize
 }
 
 /// Fragments are held this many at a time; a region with more is halved, down to one pixel.
-/// 65,536 keep a thread's buffers (20 bytes each in float32) near the second-level cache.
-pub const FRAGMENTS_AT_ONCE: usize = 1 << 16;
+/// 65,536 keep a thread's buffers near the second-level cache.
+const FRAGMENTS_AT_ONCE: usize = 1 << 16;
 
-/// A thread's buffers, reused from tile to tile.
-#[derive(Debug, Default)]
-pub struct Scratch<K> {
-    emitted: Vec<(u32, K, u32)>,
-    sorted: Vec<Entry<K>>,
-    /// First sorted entry of each pixel, and one past the last.
-    starts: Vec<u32>,
-    opaque: Vec<Entry<K>>,
+/// Consecutive pixels of a region's row that one record covers. Their keys lie one after the other.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    pixel: u16,
+    len: u16,
+    rank: u32,
 }
 
-impl<K> Scratch<K> {
+/// A thread's buffers, reused from tile to tile.
+#[derive(Debug)]
+pub struct Scratch<T: Real> {
+    runs: Vec<Run>,
+    keys: Vec<T::Key>,
+    sorted: Vec<T::Entry>,
+    /// First sorted entry of each pixel, and one past the last.
+    starts: Vec<u32>,
+    /// The nearest opaque fragment of each pixel; empty where a region has none.
+    opaque: Vec<T::Entry>,
+}
+
+impl<T: Real> Default for Scratch<T> {
+    fn default() -> Self {
+        Self { runs: vec![], keys: vec![], sorted: vec![], starts: vec![], opaque: vec![] }
+    }
+}
+
+/// Bytes of scratch for a fragment: at worst a run each, a key, and a sorted entry.
+const fn fragment_bytes<T: Real>() -> u64 {
+    (size_of::<Run>() + size_of::<T::Key>() + size_of::<T::Entry>()) as u64
+}
+
+impl<T: Real> Scratch<T> {
     pub fn bytes(&self) -> u64 {
-        (self.emitted.capacity() * size_of::<(u32, K, u32)>()
-            + (self.sorted.capacity() + self.opaque.capacity()) * size_of::<Entry<K>>()
+        (self.runs.capacity() * size_of::<Run>()
+            + self.keys.capacity() * size_of::<T::Key>()
+            + (self.sorted.capacity() + self.opaque.capacity()) * size_of::<T::Entry>()
             + self.starts.capacity() * size_of::<u32>()) as u64
     }
 }
@@ -78,7 +99,9 @@ impl<K> Scratch<K> {
 pub struct Walk<'a, T> {
     pub setup: &'a Setup<T>,
     pub meshes: &'a [Mesh<'a>],
-    /// Opaque surfaces are listed like any other and hide nothing.
+    /// There are opaque surfaces, which hide what is behind them …
+    pub hides: bool,
+    /// … or are listed like any other and hide nothing.
     pub list_opaque: bool,
     /// Scratch bytes that one thread may hold.
     pub scratch_bytes: u64,
@@ -87,25 +110,27 @@ pub struct Walk<'a, T> {
 }
 
 /// One pixel's fragments, front to back.
-pub struct Pixel<'a, K> {
+pub struct Pixel<'a, T: Real> {
     pub x: i32,
     pub y: i32,
-    pub entries: &'a [Entry<K>],
+    pub entries: &'a [T::Entry],
     /// The nearest opaque surface.
-    pub opaque: Option<Entry<K>>,
+    pub opaque: Option<T::Entry>,
 }
 
 impl<T: Real> Walk<'_, T> {
-    /// Straight RGBA of a record at a pixel's centre. An opaque surface has alpha 1.
-    pub fn color(&self, rank: u32, x: i32, y: i32) -> [T; 4] {
-        let record = &self.setup.records[record_of(rank)];
-        let mut color = self.raw_color(record, x, y);
-        if self.meshes[record.mesh as usize].opaque {
+    /// Straight RGBA of a fragment. An opaque surface has alpha 1.
+    #[inline]
+    pub fn color(&self, entry: T::Entry, x: i32, y: i32) -> [T; 4] {
+        let rank = T::rank_of(entry);
+        let mut color = self.raw_color(&self.setup.records[record_of(rank)], x, y);
+        if rank & OPAQUE_BIT != 0 {
             color[3] = T::ONE;
         }
         color
     }
 
+    #[inline]
     fn raw_color(&self, record: &Record<T>, x: i32, y: i32) -> [T; 4] {
         if record.gradient == FLAT {
             return record.color;
@@ -119,16 +144,20 @@ impl<T: Real> Walk<'_, T> {
         planes.map(|p| (p.unclamped(dx, dy) * w).clamped(p.low, p.high))
     }
 
+    pub fn primitive(&self, entry: T::Entry) -> u32 {
+        self.setup.records[record_of(T::rank_of(entry))].primitive
+    }
+
     /// Visits every pixel of the region once, in no promised order, with its sorted fragments.
     pub fn visit(
         &self,
         records: &[u32],
         region: Region,
-        scratch: &mut Scratch<T::Key>,
-        visitor: &mut impl FnMut(Pixel<T::Key>),
+        scratch: &mut Scratch<T>,
+        visitor: &mut impl FnMut(Pixel<T>),
     ) -> Result<()> {
-        let entry_bytes = (size_of::<(u32, T::Key, u32)>() + size_of::<Entry<T::Key>>()) as u64;
-        let limit = ((self.scratch_bytes / entry_bytes) as usize).min(FRAGMENTS_AT_ONCE);
+        let each = fragment_bytes::<T>();
+        let limit = ((self.scratch_bytes / each) as usize).min(FRAGMENTS_AT_ONCE);
         if self.emit(records, region, limit, scratch) {
             self.hand_out(region, scratch, visitor);
         } else if region.pixels() > 1 {
@@ -137,10 +166,10 @@ impl<T: Real> Walk<'_, T> {
             }
         } else {
             let bytes = self.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner);
-            if !self.emit(records, region, (*bytes / entry_bytes) as usize, scratch) {
+            if !self.emit(records, region, (*bytes / each) as usize, scratch) {
                 return Err(Error::Capacity {
                     what: format!("the fragment list of pixel [{}, {}]", region.y0, region.x0),
-                    needed: entry_bytes * scratch.emitted.len() as u64,
+                    needed: each * scratch.keys.len() as u64,
                     limit: *bytes,
                     advice: "raise memory=".into(),
                 });
@@ -152,155 +181,171 @@ impl<T: Real> Walk<'_, T> {
     }
 
     /// Sorts what was emitted, and calls the visitor for each pixel.
-    fn hand_out(
-        &self,
-        region: Region,
-        scratch: &mut Scratch<T::Key>,
-        visitor: &mut impl FnMut(Pixel<T::Key>),
-    ) {
-        self.bring_into_pixel_order(region, scratch);
-        for p in 0..region.pixels() {
-            let list = &mut scratch.sorted[scratch.starts[p] as usize..scratch.starts[p + 1] as usize];
-            let kept = self.sort(list);
-            let opaque = scratch.opaque.get(p).copied().filter(|&(_, rank)| rank != NO_OPAQUE);
-            let (x, y) = (region.x0 + p as i32 % region.w, region.y0 + p as i32 / region.w);
-            visitor(Pixel { x, y, entries: &list[..kept], opaque });
+    fn hand_out(&self, region: Region, scratch: &mut Scratch<T>, visitor: &mut impl FnMut(Pixel<T>)) {
+        bring_into_pixel_order(region, scratch);
+        let Scratch { sorted, starts, opaque, .. } = scratch;
+        let mut p = 0;
+        for y in region.y0..region.y0 + region.h {
+            for x in region.x0..region.x0 + region.w {
+                let list = &mut sorted[starts[p] as usize..starts[p + 1] as usize];
+                let kept = self.sort_list(list);
+                let opaque = opaque.get(p).copied().filter(|&e| T::key_of(e) != T::MAX_KEY);
+                visitor(Pixel { x, y, entries: &list[..kept], opaque });
+                p += 1;
+            }
         }
     }
 
-    /// Rasterises into `scratch.emitted`. `false` if there are more than `limit` fragments.
-    fn emit(&self, records: &[u32], region: Region, limit: usize, scratch: &mut Scratch<T::Key>) -> bool {
-        scratch.emitted.clear();
-        scratch.opaque.clear();
-        let hides = |r: &Record<T>| !self.list_opaque && self.meshes[r.mesh as usize].opaque;
-        if !self.list_opaque && records.iter().any(|&i| hides(&self.setup.records[i as usize])) {
-            scratch.opaque.resize(region.pixels(), (T::MAX_KEY, NO_OPAQUE));
-            for &index in records {
-                let record = &self.setup.records[index as usize];
-                if hides(record) {
-                    self.rasterise(record, region, |pixel, key| {
-                        let nearest = &mut scratch.opaque[pixel as usize];
-                        *nearest = (*nearest).min((key, rank(index, false)));
-                    });
-                }
-            }
-        }
-        for &index in records {
-            let record = &self.setup.records[index as usize];
-            if hides(record) {
-                continue;
-            }
-            let rank = rank(index, self.meshes[record.mesh as usize].opaque);
-            let emitted = &mut scratch.emitted;
-            if scratch.opaque.is_empty() {
-                self.rasterise(record, region, |pixel, key| emitted.push((pixel, key, rank)));
-            } else {
-                let opaque = &scratch.opaque;
-                self.rasterise(record, region, |pixel, key| {
-                    // A fragment at the opaque depth is kept.
-                    if key <= opaque[pixel as usize].0 {
-                        emitted.push((pixel, key, rank));
+    /// Rasterises into runs and keys. `false` if there are more than `limit` fragments.
+    fn emit(&self, records: &[u32], region: Region, limit: usize, scratch: &mut Scratch<T>) -> bool {
+        let Scratch { runs, keys, opaque, .. } = scratch;
+        runs.clear();
+        keys.clear();
+        opaque.clear();
+        let record = |index: u32| &self.setup.records[index as usize];
+        let mesh = |index: u32| &self.meshes[record(index).mesh as usize];
+        let hides = |index: u32| self.hides && mesh(index).opaque;
+        if self.hides && records.iter().any(|&index| hides(index)) {
+            opaque.resize(region.pixels(), T::entry(T::MAX_KEY, u32::MAX));
+            for &index in records.iter().filter(|&&index| hides(index)) {
+                let cutoff = T::from_f64(mesh(index).alpha_cutoff);
+                for_each_span(record(index), region, |x, y, pixel, len| {
+                    let found = self.keys(record(index), x, y, len);
+                    for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y)) {
+                        let nearest = &mut opaque[pixel + i];
+                        *nearest = (*nearest).min(T::entry(found[i], rank(index, true)));
                     }
                 });
             }
-            if emitted.len() > limit {
+        }
+        for &index in records.iter().filter(|&&index| !hides(index)) {
+            let rank = rank(index, self.list_opaque && mesh(index).opaque);
+            let cutoff = if self.list_opaque { T::from_f64(mesh(index).alpha_cutoff) } else { T::ZERO };
+            let whole = opaque.is_empty() && cutoff == T::ZERO;
+            for_each_span(record(index), region, |x, y, pixel, len| {
+                let found = self.keys(record(index), x, y, len);
+                if whole {
+                    runs.push(Run { pixel: pixel as u16, len: len as u16, rank });
+                    // All, then cut: a copy of fixed length is a few instructions, any other a call.
+                    let end = keys.len() + len;
+                    keys.extend_from_slice(&found);
+                    keys.truncate(end);
+                    return;
+                }
+                for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y)) {
+                    // A fragment at the opaque depth is kept.
+                    if opaque.is_empty() || found[i] <= T::key_of(opaque[pixel + i]) {
+                        runs.push(Run { pixel: (pixel + i) as u16, len: 1, rank });
+                        keys.push(found[i]);
+                    }
+                }
+            });
+            if keys.len() > limit {
                 return false;
             }
         }
         true
     }
 
-    /// Calls `covered(pixel of the region, key)` for each pixel centre inside the record.
+    /// Keys of `len` pixels from (x, y) to the right. The projection is decided outside the loops, which
+    /// then become vector instructions.
     #[inline]
-    fn rasterise(&self, record: &Record<T>, region: Region, mut covered: impl FnMut(u32, T::Key)) {
-        let x = record.x.map(|v| (v >> 8) - region.x0);
-        let y = record.y.map(|v| (v >> 8) - region.y0);
-        // A vertex in pixel i can cover no centre left of i, nor right of it.
-        let from = x[0].min(x[1]).min(x[2]).max(0);
-        let to = (x[0].max(x[1]).max(x[2]) + 1).min(region.w);
-        let first = y[0].min(y[1]).min(y[2]).max(0);
-        let last = (y[0].max(y[1]).max(y[2]) + 1).min(region.h);
-        if from >= to || first >= last {
-            return;
+    fn keys(&self, record: &Record<T>, x: i32, y: i32, len: usize) -> [T::Key; SPAN] {
+        let mut keys = [T::Key::default(); SPAN];
+        // From the pixel itself, not by steps: a key must not depend on where its span begins.
+        let value = |i: usize| {
+            let (dx, dy) = offset(record, x + i as i32, y);
+            record.key_plane.at(dx, dy)
+        };
+        let keys_of_span = &mut keys[..len];
+        if self.setup.perspective {
+            (0..).zip(keys_of_span).for_each(|(i, key)| *key = sort_key(value(i), true));
+        } else {
+            (0..).zip(keys_of_span).for_each(|(i, key)| *key = sort_key(value(i), false));
         }
-        let edges = Edges::new(record, region.x0, region.y0);
-        let all = edges.contains(region.w, region.h);
-        let cutoff = T::from_f64(self.meshes[record.mesh as usize].alpha_cutoff);
-        for j in first..last {
-            let span = if all { 0..region.w } else { edges.span(j, from, to) };
-            let row = j * region.w;
-            for i in span {
-                let (dx, dy) = offset(record, region.x0 + i, region.y0 + j);
-                if cutoff > T::ZERO && self.raw_color(record, region.x0 + i, region.y0 + j)[3] < cutoff {
-                    continue;
-                }
-                covered((row + i) as u32, sort_key(record.key_plane.at(dx, dy), self.setup.perspective));
-            }
-        }
+        keys
     }
 
-    /// A counting sort of the emitted fragments by pixel.
-    fn bring_into_pixel_order(&self, region: Region, scratch: &mut Scratch<T::Key>) {
-        let starts = &mut scratch.starts;
-        starts.clear();
-        starts.resize(region.pixels() + 2, 0);
-        // Shifted by two, so that after the scatter below `starts[p]` is where pixel p begins.
-        for &(pixel, ..) in &scratch.emitted {
-            starts[pixel as usize + 2] += 1;
-        }
-        for p in 2..starts.len() {
-            starts[p] += starts[p - 1];
-        }
-        scratch.sorted.clear();
-        scratch.sorted.resize(scratch.emitted.len(), (T::Key::default(), 0));
-        for &(pixel, key, rank) in &scratch.emitted {
-            let cursor = &mut starts[pixel as usize + 1];
-            scratch.sorted[*cursor as usize] = (key, rank);
-            *cursor += 1;
-        }
+    fn passes(&self, record: &Record<T>, cutoff: T, x: i32, y: i32) -> bool {
+        cutoff == T::ZERO || self.raw_color(record, x, y)[3] >= cutoff
     }
 
     /// Sorts front to back and merges the pieces of a clipped triangle, which share key and primitive.
     /// Returns how many entries remain.
-    fn sort(&self, list: &mut [Entry<T::Key>]) -> usize {
-        if list.len() <= 24 {
-            // Insertion: short lists are most lists.
-            for i in 1..list.len() {
-                let entry = list[i];
-                let mut j = i;
-                while j > 0 && list[j - 1] > entry {
-                    list[j] = list[j - 1];
-                    j -= 1;
-                }
-                list[j] = entry;
-            }
-        } else {
-            list.sort_unstable();
+    fn sort_list(&self, list: &mut [T::Entry]) -> usize {
+        sort(list);
+        if !self.setup.has_pieces {
+            return list.len();
         }
-        let mut kept = 0;
-        for i in 0..list.len() {
-            let same = kept > 0
-                && list[kept - 1].0 == list[i].0
-                && self.primitive(list[kept - 1].1) == self.primitive(list[i].1);
-            if !same {
-                list[kept] = list[i];
+        let mut kept = list.len().min(1);
+        for i in 1..list.len() {
+            let (last, entry) = (list[kept - 1], list[i]);
+            if T::key_of(last) != T::key_of(entry) || self.primitive(last) != self.primitive(entry) {
+                list[kept] = entry;
                 kept += 1;
             }
         }
         kept
     }
-
-    pub fn primitive(&self, rank: u32) -> u32 {
-        self.setup.records[record_of(rank)].primitive
-    }
 }
 
-/// No rank made from a record has all bits set: a scene ends below 2^31 triangles.
-const NO_OPAQUE: u32 = u32::MAX;
+/// Pixels of a region's row, at most.
+const SPAN: usize = TILE as usize;
 
 /// From the record's anchor to a pixel's centre.
 #[inline]
 fn offset<T: Real>(record: &Record<T>, x: i32, y: i32) -> (T, T) {
     let half = T::from_f64(0.5);
     (T::from_i32(x) + half - record.anchor[0], T::from_i32(y) + half - record.anchor[1])
+}
+
+/// Calls `span(x, y, pixel of the region, length)` for each row of pixel centres inside the record.
+#[inline]
+fn for_each_span<T>(record: &Record<T>, region: Region, mut span: impl FnMut(i32, i32, usize, usize)) {
+    let x = record.x.map(|v| (v >> 8) - region.x0);
+    let y = record.y.map(|v| (v >> 8) - region.y0);
+    // A vertex in pixel i can cover no centre left of i, nor right of it.
+    let from = x[0].min(x[1]).min(x[2]).max(0);
+    let to = (x[0].max(x[1]).max(x[2]) + 1).min(region.w);
+    let first = y[0].min(y[1]).min(y[2]).max(0);
+    let last = (y[0].max(y[1]).max(y[2]) + 1).min(region.h);
+    if from >= to || first >= last {
+        return;
+    }
+    let edges = Edges::new(record, region.x0, region.y0);
+    let mut row = |j: i32, columns: Range<i32>| {
+        let pixel = (j * region.w + columns.start) as usize;
+        span(region.x0 + columns.start, region.y0 + j, pixel, columns.len());
+    };
+    if edges.contains(region.w, region.h) {
+        (0..region.h).for_each(|j| row(j, 0..region.w));
+    } else {
+        edges.spans(from..to, first..last, row);
+    }
+}
+
+/// A counting sort of the emitted fragments by pixel.
+fn bring_into_pixel_order<T: Real>(region: Region, scratch: &mut Scratch<T>) {
+    let Scratch { runs, keys, sorted, starts, .. } = scratch;
+    starts.clear();
+    starts.resize(region.pixels() + 2, 0);
+    // Shifted by two, so that after the scatter below `starts[p]` is where pixel p begins.
+    for run in runs.iter() {
+        let first = run.pixel as usize + 2;
+        starts[first..first + run.len as usize].iter_mut().for_each(|count| *count += 1);
+    }
+    for p in 2..starts.len() {
+        starts[p] += starts[p - 1];
+    }
+    sorted.resize(keys.len(), T::Entry::default());
+    let mut rest = keys.as_slice();
+    for run in runs.iter() {
+        let (own, later) = rest.split_at(run.len as usize);
+        rest = later;
+        let first = run.pixel as usize + 1;
+        for (&key, cursor) in own.iter().zip(&mut starts[first..]) {
+            sorted[*cursor as usize] = T::entry(key, run.rank);
+            *cursor += 1;
+        }
+    }
 }

@@ -7,25 +7,22 @@ use crate::real::Real;
 
 #[derive(Debug, Clone, Copy)]
 pub struct State<T> {
-    color: [T; 3],
-    alpha: T,
+    /// Premultiplied RGB, then alpha.
+    rgba: [T; 4],
     transmittance: T,
 }
 
 impl<T: Real> State<T> {
     #[inline]
     pub fn begin() -> Self {
-        Self { color: [T::ZERO; 3], alpha: T::ZERO, transmittance: T::ONE }
+        Self { rgba: [T::ZERO; 4], transmittance: T::ONE }
     }
 
     /// Puts a fragment (straight RGBA) behind those inserted before it.
     #[inline]
     pub fn insert(&mut self, [r, g, b, a]: [T; 4]) {
         let weight = self.transmittance * a;
-        self.color[0] = self.color[0] + weight * r;
-        self.color[1] = self.color[1] + weight * g;
-        self.color[2] = self.color[2] + weight * b;
-        self.alpha = self.alpha + weight;
+        self.add(weight, [r, g, b]);
         self.transmittance = self.transmittance * (T::ONE - a);
     }
 
@@ -37,14 +34,18 @@ impl<T: Real> State<T> {
 
     /// The premultiplied colour over a straight background.
     #[inline]
-    pub fn end(self, background: [T; 4]) -> [T; 4] {
+    pub fn end(mut self, background: [T; 4]) -> [T; 4] {
         let weight = self.transmittance * background[3];
-        [
-            self.color[0] + weight * background[0],
-            self.color[1] + weight * background[1],
-            self.color[2] + weight * background[2],
-            self.alpha + weight,
-        ]
+        let [r, g, b, _] = background;
+        self.add(weight, [r, g, b]);
+        self.rgba
+    }
+
+    #[inline]
+    fn add(&mut self, weight: T, [r, g, b]: [T; 3]) {
+        // Alpha is one more channel, of colour 1: four equal operations become one vector instruction.
+        let color = [r, g, b, T::ONE];
+        self.rgba = std::array::from_fn(|i| self.rgba[i] + weight * color[i]);
     }
 }
 
