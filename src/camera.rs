@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec3, DVec4};
 
 use crate::error::{Error, Result};
+use crate::scene::LARGEST_POSITION;
 
 /// World to eye to clip. The eye looks along −Z (OpenGL axes); depth is −z in eye space.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +29,7 @@ pub struct ClipRows {
 impl ClipRows {
     /// A position relative to the centre, and what it is transformed to, stay finite in float32.
     pub fn representable(&self, p: DVec3) -> bool {
-        let limit = f64::from(f32::MAX);
+        let limit = LARGEST_POSITION;
         let fits = |row: &DVec4| {
             (row.x * p.x).abs() + (row.y * p.y).abs() + (row.z * p.z).abs() + row.w.abs() < limit
         };

@@ -17,7 +17,7 @@ pub enum Error {
     #[error("{0}")]
     Unsupported(String),
     /// The request does not fit, even tile by tile.
-    #[error("{what} needs {needed} bytes, but the limit is {limit} bytes; {advice}")]
+    #[error("{what}: {needed} bytes are needed, but the limit is {limit} bytes; {advice}")]
     Capacity { what: String, needed: u64, limit: u64, advice: String },
     /// Shader text that does not compile, at a line of the file it came from.
     #[error("{file}:{line}: {message}")]

@@ -11,17 +11,21 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::camera::Camera;
+use crate::composite::composite as composite_lists;
 use crate::error::Error;
-use crate::fragments::{self, Background, Fragments};
+use crate::fragments::{Background, Fragments};
+use crate::frame::{Lists, Output, Request, Stats};
 use crate::gpu::device::{self, Adapter};
 use crate::methods::METHODS;
 use crate::png::encode;
 use crate::real::Real;
-use crate::render::{self, Lists, Output, Request, Stats};
+use crate::render;
 use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate, Scene};
 
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
     use super::{adapters, composite, encode_png, methods, render_cpu, render_gpu};
 }
@@ -329,11 +333,11 @@ fn composite<'py>(
     let image = match &color {
         Values::F32(a) => {
             let color = cast_slice::<f32, [f32; 4]>(a.as_slice()?);
-            py.detach(|| fragments::composite(offsets, color, background))?
+            py.detach(|| composite_lists(offsets, color, background))?
         }
         Values::F64(a) => {
             let color = cast_slice::<f64, [f64; 4]>(a.as_slice()?);
-            py.detach(|| fragments::composite(offsets, color, background))?
+            py.detach(|| composite_lists(offsets, color, background))?
         }
     };
     let n = image.len();

@@ -138,6 +138,9 @@ impl Mesh<'_> {
     }
 }
 
+/// Larger coordinates do not move the scene's centre: a quarter of what float32 holds.
+pub const LARGEST_POSITION: f64 = f32::MAX as f64 / 4.0;
+
 /// Meshes in submission order.
 #[derive(Debug)]
 pub struct Scene<'a> {
@@ -158,6 +161,10 @@ impl<'a> Scene<'a> {
             first_primitive.push(first_primitive[first_primitive.len() - 1] + mesh.face_count());
             for i in 0..mesh.positions.len() {
                 let p = mesh.positions.get(i);
+                // One such vertex would take the centre away from all others; float32 rejects its triangles.
+                if p.abs().max_element() > LARGEST_POSITION {
+                    continue;
+                }
                 let (low, high) = bounds.unwrap_or((p, p));
                 bounds = Some((low.min(p), high.max(p)));
             }
@@ -210,6 +217,12 @@ mod tests {
         assert_eq!(scene.locate(0), (0, 0));
         assert_eq!(scene.locate(1), (2, 0));
         assert_eq!(scene.locate(2), (2, 1));
+    }
+
+    #[test]
+    fn one_huge_vertex_does_not_move_the_centre() {
+        let p = [[1e38, 0.0, 0.0], [-1.0, 0.0, 0.0], [3.0, 2.0, 0.0]];
+        assert_eq!(Scene::new(vec![mesh(&p)]).unwrap().center, DVec3::new(1.0, 1.0, 0.0));
     }
 
     #[test]

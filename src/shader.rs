@@ -65,7 +65,11 @@ impl Composed {
     pub fn error(&self, line: usize, message: &str) -> Error {
         let before = (0, "prelude".to_string());
         let (start, file) = self.starts.iter().rev().find(|(start, _)| *start < line).unwrap_or(&before);
-        Error::Shader { file: file.clone(), line: line - start, message: message.trim().to_string() }
+        // What follows the first line draws the composed text, with its line numbers.
+        let message = message.lines().map(str::trim).find(|l| !l.is_empty()).unwrap_or_default();
+        let message = message.rsplit_once("parsing error: ").map_or(message, |(_, what)| what);
+        let own = self.text.lines().nth(line - 1).unwrap_or_default().trim();
+        Error::Shader { file: file.clone(), line: line - start, message: format!("{message}, in `{own}`") }
     }
 }
 

@@ -476,7 +476,7 @@ def test_fit_counts_what_is_added_later():
 def test_fit_takes_what_a_scene_takes():
     mesh = ab.Mesh(POINTS[:3])
     assert_same(ab.Camera.fit(mesh), ab.Camera.fit(ab.Scene([mesh])))
-    with pytest.raises(ab.SceneError, match="cannot add a int"):
+    with pytest.raises(ab.SceneError, match="cannot add this int"):
         ab.Camera.fit(3)
 
 

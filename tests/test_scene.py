@@ -63,7 +63,7 @@ def test_adding_a_scene_takes_what_it_holds_then():
 
 @pytest.mark.parametrize("item", [None, 3, TRIANGLE, {"a": 1}, ab.Mesh])
 def test_what_a_scene_does_not_take(item):
-    with pytest.raises(ab.SceneError, match=f"cannot add a {type(item).__name__}: give a Mesh, a Scene"):
+    with pytest.raises(ab.SceneError, match=f"cannot add this {type(item).__name__}: give a Mesh, a Scene"):
         ab.Scene().add(item)
 
 

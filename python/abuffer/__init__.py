@@ -1,6 +1,6 @@
 """Exact order-independent transparency, with the per-pixel fragment lists behind the image."""
 
-from . import testing
+from . import _core, testing
 from .camera import Camera
 from .errors import (
     AbufferError,
@@ -39,4 +39,4 @@ __all__ = [
     "render_triangles",
     "testing",
 ]
-__version__ = "0.1.0"
+__version__ = _core.VERSION

@@ -24,11 +24,11 @@ def flag(name, value):
     return bool(value)
 
 
-def options(given, known, of):
-    """Raises a ParameterError if `given` has a name that is not in `known`."""
+def options(given, known, of, arguments=()):
+    """Raises a ParameterError if `given` has a name that is not in `known`; `arguments` may have been meant too."""
     for name in given:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
+            near = difflib.get_close_matches(name, [*known, *arguments], 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             valid = f"its options are {', '.join(known)}" if known else "it has none"
             raise ParameterError(f"{of} has no option {name!r}: {valid}{hint}")

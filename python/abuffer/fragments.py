@@ -224,7 +224,7 @@ class Fragments:
         try:
             import pandas as pd
         except ImportError as e:
-            raise UnsupportedError("to_pandas needs pandas: pip install 'abuffer[compare]'") from e
+            raise UnsupportedError("to_pandas needs pandas: pip install pandas") from e
         y, x = np.divmod(self.pixel, self.shape[1])
         columns = {"y": y, "x": x, "layer": self.layer, "depth": self.depth}
         columns |= dict(zip("rgba", self.color.T, strict=True)) | {"primitive": self.primitive}

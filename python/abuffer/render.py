@@ -1,5 +1,6 @@
 """One call from a scene to a frame."""
 
+import inspect
 import os
 import re
 
@@ -57,7 +58,7 @@ def render(
     _check.choice("method", method, tables.METHODS)
     _check.choice("pipeline", pipeline, ("auto", *tables.PIPELINES))
     _check.choice("precision", precision, ("float32", "float64"))
-    _check.options(options, (), f"method {method!r}")
+    _check.options(options, (), f"method {method!r}", ARGUMENTS)
     if samples != 1 or isinstance(samples, bool):
         error = UnsupportedError if isinstance(samples, int) and samples > 1 else ParameterError
         raise error(f"samples must be 1, got {samples!r}")
@@ -87,6 +88,9 @@ def render(
     else:
         output = _core.render_gpu(adapter, parts, view, request, behind)
     return _frame(output, scene, plan, (height, width), background, fragments)
+
+
+ARGUMENTS = tuple(inspect.signature(render).parameters)
 
 
 def render_triangles(positions, colors, camera, **kw) -> Frame:

@@ -160,7 +160,7 @@ def _meshes(item, look, space):
     if load.is_loadable(item):
         return load.meshes(item, space=space, **look)
     raise SceneError(
-        f"cannot add a {type(item).__name__}: give a Mesh, a Scene, a trimesh.Trimesh, a trimesh.Scene, "
+        f"cannot add this {type(item).__name__}: give a Mesh, a Scene, a trimesh.Trimesh, a trimesh.Scene, "
         "a path, or a list of these"
     )
 

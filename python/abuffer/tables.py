@@ -89,7 +89,11 @@ def choose(pipeline, device, precision, environment, plan):
 
     `environment`: what ABUFFER_DEVICE says "auto" means.
     """
-    adapter, why = _device(pipeline, device, precision, environment)
+    if not isinstance(device, str) or not device:
+        raise ParameterError(f'device must be "auto", "cpu", "gpu" or a part of a name, got {device!r}')
+    if precision == "float64" and device.lower() == "gpu":
+        raise ParameterError(FLOAT64)
+    adapter, why = _auto(pipeline, precision, environment) if device.lower() == "auto" else _named(device)
     if adapter is None:
         plan.append(("device", "cpu", why))
         if pipeline == "linked_list":
@@ -99,7 +103,7 @@ def choose(pipeline, device, precision, environment, plan):
         plan.append(("pipeline", "tiles", "the CPU's" if pipeline == "auto" else "as asked"))
         return None
     if precision == "float64":
-        raise ParameterError('precision "float64" is the CPU\'s: give device="cpu" or "auto"')
+        raise ParameterError(FLOAT64)
     if pipeline == "tiles":
         raise UnsupportedError('pipeline "tiles" runs on the CPU only: give device="cpu", or pipeline="linked_list"')
     found = _adapters()[adapter]
@@ -109,32 +113,36 @@ def choose(pipeline, device, precision, environment, plan):
     return adapter
 
 
-def _device(pipeline, device, precision, environment):
-    if not isinstance(device, str):
-        raise ParameterError(f'device must be "auto", "cpu", "gpu" or a part of a name, got {device!r}')
-    if device == "auto":
-        if precision == "float64":
-            return None, "float64 is the CPU's"
-        if environment not in (None, "", "auto"):
+FLOAT64 = 'precision "float64" is the CPU\'s: give device="cpu" or "auto"'
+
+
+def _auto(pipeline, precision, environment):
+    """What precision and pipeline leave open, the environment decides; what it leaves open, the hardware."""
+    if precision == "float64":
+        return None, "float64 is the CPU's"
+    if pipeline == "tiles":
+        return None, "pipeline tiles is the CPU's"
+    environment = environment or "auto"
+    if environment.lower() != "auto" and not (environment.lower() == "cpu" and pipeline == "linked_list"):
+        try:
             adapter, why = _named(environment)
-            return adapter, f"ABUFFER_DEVICE is {environment!r}: {why}"
-        if pipeline == "tiles":
-            return None, "pipeline tiles is the CPU's"
-        if pipeline == "linked_list":
-            return _named("gpu")
-        real = [(i, a) for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
-        if real:
-            return real[0][0], "the best real GPU"
-        software = [a["name"] for a in _adapters()]
-        return None, f"no real GPU here; {', '.join(software)} would run if named" if software else "no GPU here"
-    return _named(device)
+        except DeviceError as e:
+            raise DeviceError(f"ABUFFER_DEVICE is {environment!r}: {e}") from None
+        return adapter, f"ABUFFER_DEVICE is {environment!r}: {why}"
+    if pipeline == "linked_list":
+        return _named("gpu")
+    real = [i for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
+    if real:
+        return real[0], "the best real GPU"
+    software = ", ".join(a["name"] for a in _adapters())
+    return None, f"no real GPU here; {software} would run if named" if software else "no GPU here"
 
 
 def _named(device):
-    if device == "cpu":
+    if device.lower() == "cpu":
         return None, "as asked"
     adapters = _adapters()
-    if device == "gpu":
+    if device.lower() == "gpu":
         if adapters:
             usable = [i for i, a in enumerate(adapters) if not a["lacks"]]
             return (usable or [0])[0], "the best adapter"

@@ -122,7 +122,7 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
                     what: format!("the triangle list of one {TILE}×{TILE} tile"),
                     needed: own,
                     limit: budget,
-                    advice: "raise memory= or render fewer triangles at a time".into(),
+                    advice: "raise memory=, half of which is for this".into(),
                 });
             }
             if bytes + own > budget {

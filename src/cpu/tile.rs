@@ -171,7 +171,7 @@ impl<T: Real> Walk<'_, T> {
                     what: format!("the fragment list of pixel [{}, {}]", region.y0, region.x0),
                     needed: each * scratch.keys.len() as u64,
                     limit: *bytes,
-                    advice: "raise memory=".into(),
+                    advice: "raise memory=, a quarter of which is for this".into(),
                 });
             }
             self.hand_out(region, scratch, visitor);

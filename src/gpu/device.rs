@@ -48,6 +48,16 @@ const BACKENDS: wgpu::Backends =
 /// What `linked_list` uses where it exists.
 const WANTED: wgpu::Features = wgpu::Features::SHADER_EARLY_DEPTH_TEST.union(wgpu::Features::TIMESTAMP_QUERY);
 
+/// Features that `ABUFFER_WITHOUT` withholds (names of wgpu's, with commas), to test here what a lesser
+/// device would do.
+fn withheld() -> wgpu::Features {
+    let names = std::env::var("ABUFFER_WITHOUT").unwrap_or_default();
+    names
+        .split(',')
+        .filter_map(|name| wgpu::Features::from_name(name.trim()))
+        .fold(wgpu::Features::empty(), |all, one| all | one)
+}
+
 /// Everything of the process that owns a device. A forked child cannot use its parent's, so it makes its own.
 struct Process {
     id: u32,
@@ -146,7 +156,7 @@ impl Gpu {
                 described.name
             )));
         }
-        let features = adapter.features() & WANTED;
+        let features = adapter.features() & WANTED & !withheld();
         let limits = adapter.limits();
         let (device, queue) = block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("abuffer"),

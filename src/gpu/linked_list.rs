@@ -20,7 +20,7 @@ use super::uniforms::{Band, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::fragments::Background;
-use crate::render::{Lists, Output, Request, Stats};
+use crate::frame::{Lists, Output, Request, Stats};
 use crate::scene::Scene;
 use crate::shader::TEMP_FRAGMENTS;
 

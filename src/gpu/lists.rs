@@ -8,7 +8,7 @@ use super::linked_list::{Pool, Rect};
 use crate::error::{Error, Result};
 use crate::fragments::Fragments;
 use crate::real::depth_of_key;
-use crate::render::threads;
+use crate::threads::threads;
 
 /// The sorted lists of one rectangle, pixel by pixel in its rows.
 pub struct BandLists {

@@ -8,7 +8,7 @@ use super::linked_list::{Frame, Pool};
 use super::timing::Timing;
 use super::uniforms::{LongPixel, Round};
 use crate::error::{Error, Result};
-use crate::render::Stats;
+use crate::frame::Stats;
 use crate::shader::CHUNK;
 
 /// Invocations of a workgroup in all of these stages.
