@@ -6,15 +6,13 @@
 
 @group(1) @binding(0) var<uniform> band: Band;
 @group(1) @binding(1) var<storage, read_write> heads: array<atomic<u32>>;
-@group(1) @binding(2) var<storage, read_write> counter: atomic<u32>;
+// Fragments so far: the low word hands out nodes, the high word counts how often it wrapped.
+@group(1) @binding(2) var<storage, read_write> counter: array<atomic<u32>, 2>;
 @group(1) @binding(3) var<storage, read_write> node_color: array<vec4f>;
 // (key, order): order is the complement of the primitive, so that later triangles win ties; its top bit
 // puts a listed opaque surface behind translucent ones at its depth.
 @group(1) @binding(4) var<storage, read_write> node_order: array<vec2u>;
 @group(1) @binding(5) var<storage, read_write> node_next: array<u32>;
-
-// Far from wrapping, however many invocations are between this load and their add.
-const COUNTER_LIMIT = 0xF0000000u;
 
 @vertex
 fn vs_build(@builtin(vertex_index) index: u32) -> Varyings {
@@ -31,10 +29,10 @@ fn store(v: Varyings) {
     if pixel.x >= band.width || pixel.y >= band.height {
         return; // the scissor rectangle keeps these away
     }
-    if atomicLoad(&counter) > COUNTER_LIMIT {
-        return;
+    let node = atomicAdd(&counter[0], 1u);
+    if node == 0xffffffffu {
+        atomicAdd(&counter[1], 1u); // nodes are handed out twice from here on; the host discards the pass
     }
-    let node = atomicAdd(&counter, 1u);
     // Before the exchange: linking a node that does not exist would lose the rest of the list.
     if node >= band.capacity {
         return;

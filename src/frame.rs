@@ -103,3 +103,21 @@ impl Request {
         Ok(())
     }
 }
+
+/// `n` values, or an error where the system has no memory for them.
+pub fn allocate<V: Clone>(what: &str, n: usize, value: V) -> Result<Vec<V>> {
+    let mut v = Vec::new();
+    v.try_reserve_exact(n).map_err(|_| out_of_memory(what, (n * size_of::<V>()) as u64))?;
+    v.resize(n, value);
+    Ok(v)
+}
+
+pub fn out_of_memory(what: &str, needed: u64) -> Error {
+    Error::Capacity {
+        what: what.into(),
+        needed,
+        limit: 0,
+        advice: "the system has no such memory left: lower width and height, or ask for fewer fragments"
+            .into(),
+    }
+}

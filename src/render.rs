@@ -31,5 +31,5 @@ pub fn on_gpu(
 ) -> Result<Output<f32>> {
     request.check(&background)?;
     let gpu = gpu::device::open(adapter)?;
-    gpu.exclusively(|| gpu::render(&gpu, scene, camera, request, background))
+    gpu.exclusively(|| gpu.checked("a render", || gpu::render(&gpu, scene, camera, request, background)))
 }

@@ -128,7 +128,8 @@ impl Crossing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::setup::{FLAT, Plane};
+    use crate::cpu::plane::Plane;
+    use crate::cpu::setup::FLAT;
 
     fn record(x: [i32; 3], y: [i32; 3]) -> Record<f32> {
         let plane = Plane { value: 0.0, gx: 0.0, gy: 0.0, low: 0.0, high: 0.0 };

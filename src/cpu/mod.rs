@@ -3,6 +3,7 @@
 mod bin;
 mod clip;
 mod coverage;
+mod plane;
 mod setup;
 mod sort;
 mod target;
@@ -14,9 +15,9 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fragments::{Background, Fragments};
-use crate::frame::{Lists, Output, Request, Stats};
+use crate::frame::{Lists, Output, Request, Stats, allocate, out_of_memory};
 use crate::real::Real;
 use crate::scene::Scene;
 use bin::Binning;
@@ -110,23 +111,6 @@ pub fn render<T: Real>(
     stats.bands = binning.runs.len();
     stats.bytes = vec![("setup", setup.bytes()), ("bins", binning.bytes()), ("scratch", scratches.bytes())];
     Ok(Output { image, counts, background: behind, fragments, stats })
-}
-
-fn allocate<V: Clone>(what: &str, n: usize, value: V) -> Result<Vec<V>> {
-    let mut v = Vec::new();
-    v.try_reserve_exact(n).map_err(|_| out_of_memory(what, (n * size_of::<V>()) as u64))?;
-    v.resize(n, value);
-    Ok(v)
-}
-
-fn out_of_memory(what: &str, needed: u64) -> Error {
-    Error::Capacity {
-        what: what.into(),
-        needed,
-        limit: 0,
-        advice: "the system has no such memory left: lower width and height, or ask for fewer fragments"
-            .into(),
-    }
 }
 
 /// Buffers that threads borrow for one tile at a time.

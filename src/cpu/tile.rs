@@ -210,7 +210,7 @@ impl<T: Real> Walk<'_, T> {
             for &index in records.iter().filter(|&&index| hides(index)) {
                 let cutoff = T::from_f64(mesh(index).alpha_cutoff);
                 for_each_span(record(index), region, |x, y, pixel, len| {
-                    let found = self.keys(record(index), x, y, len);
+                    let found = self.keys(record(index), x, y);
                     for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y)) {
                         let nearest = &mut opaque[pixel + i];
                         *nearest = (*nearest).min(T::entry(found[i], rank(index, true)));
@@ -223,7 +223,7 @@ impl<T: Real> Walk<'_, T> {
             let cutoff = if self.list_opaque { T::from_f64(mesh(index).alpha_cutoff) } else { T::ZERO };
             let whole = opaque.is_empty() && cutoff == T::ZERO;
             for_each_span(record(index), region, |x, y, pixel, len| {
-                let found = self.keys(record(index), x, y, len);
+                let found = self.keys(record(index), x, y);
                 if whole {
                     runs.push(Run { pixel: pixel as u16, len: len as u16, rank });
                     // All, then cut: a copy of fixed length is a few instructions, any other a call.
@@ -247,21 +247,24 @@ impl<T: Real> Walk<'_, T> {
         true
     }
 
-    /// Keys of `len` pixels from (x, y) to the right. The projection is decided outside the loops, which
-    /// then become vector instructions.
+    /// Keys of `SPAN` pixels from (x, y) to the right, whatever the span's length: a fixed number becomes a
+    /// few vector instructions. The projection is decided outside the loops for the same reason.
     #[inline]
-    fn keys(&self, record: &Record<T>, x: i32, y: i32, len: usize) -> [T::Key; SPAN] {
+    fn keys(&self, record: &Record<T>, x: i32, y: i32) -> [T::Key; SPAN] {
         let mut keys = [T::Key::default(); SPAN];
         // From the pixel itself, not by steps: a key must not depend on where its span begins.
         let value = |i: usize| {
             let (dx, dy) = offset(record, x + i as i32, y);
             record.key_plane.at(dx, dy)
         };
-        let keys_of_span = &mut keys[..len];
         if self.setup.perspective {
-            (0..).zip(keys_of_span).for_each(|(i, key)| *key = sort_key(value(i), true));
+            for (i, key) in keys.iter_mut().enumerate() {
+                *key = sort_key(value(i), true);
+            }
         } else {
-            (0..).zip(keys_of_span).for_each(|(i, key)| *key = sort_key(value(i), false));
+            for (i, key) in keys.iter_mut().enumerate() {
+                *key = sort_key(value(i), false);
+            }
         }
         keys
     }

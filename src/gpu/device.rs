@@ -235,12 +235,12 @@ impl Gpu {
         render()
     }
 
-    /// Submits, waits, and returns the contents of mappable buffers.
+    /// Submits, waits, and returns the contents of mappable buffers, as words: bytes may lie at any address.
     pub fn submit_and_read(
         &self,
         encoder: wgpu::CommandEncoder,
         buffers: &[&wgpu::Buffer],
-    ) -> Result<Vec<Vec<u8>>> {
+    ) -> Result<Vec<Vec<u32>>> {
         self.checked("a submission", || {
             self.queue.submit([encoder.finish()]);
             let failed = Arc::new(AtomicBool::new(false));
@@ -260,12 +260,13 @@ impl Gpu {
             buffers
                 .iter()
                 .map(|buffer| {
-                    let bytes = buffer
+                    let view = buffer
                         .get_mapped_range(..)
-                        .map_err(|e| Error::Device(format!("reading results back failed: {e}")))?
-                        .to_vec();
+                        .map_err(|e| Error::Device(format!("reading results back failed: {e}")))?;
+                    let words = bytemuck::pod_collect_to_vec(&view);
+                    drop(view);
                     buffer.unmap();
-                    Ok(bytes)
+                    Ok(words)
                 })
                 .collect()
         })

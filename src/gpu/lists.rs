@@ -4,9 +4,10 @@ use rayon::prelude::*;
 
 use super::buffers::readable;
 use super::device::Gpu;
-use super::linked_list::{Pool, Rect};
+use super::pool::{Pool, Rect};
 use crate::error::{Error, Result};
 use crate::fragments::Fragments;
+use crate::frame::out_of_memory;
 use crate::real::depth_of_key;
 use crate::threads::threads;
 
@@ -45,11 +46,14 @@ impl BandLists {
                 copy
             }))
         })?;
-        let bytes = gpu.submit_and_read(encoder, &copies.each_ref())?;
-        let heads: &[u32] = cast(&bytes[0])?;
-        let color: &[[f32; 4]] = cast(&bytes[1])?;
-        let order: &[[u32; 2]] = cast(&bytes[2])?;
-        let next: &[u32] = cast(&bytes[3])?;
+        let words = gpu.submit_and_read(encoder, &copies.each_ref())?;
+        let [heads, color, order, next] = words.as_slice() else {
+            return Err(Error::Device("the lists did not come back whole".into()));
+        };
+        // Buffers are never empty: what is beyond the nodes belongs to no list.
+        let nodes = nodes as usize;
+        let color: &[[f32; 4]] = bytemuck::cast_slice(&color[..4 * nodes]);
+        let order: &[[u32; 2]] = bytemuck::cast_slice(&order[..2 * nodes]);
         let rows = threads()?.install(|| {
             heads[..rect.pixels() as usize]
                 .par_chunks(rect.w as usize)
@@ -58,10 +62,6 @@ impl BandLists {
         });
         Ok(Self { rect, rows })
     }
-}
-
-fn cast<V: bytemuck::Pod>(bytes: &[u8]) -> Result<&[V]> {
-    bytemuck::try_cast_slice(bytes).map_err(|e| Error::Device(format!("lists came back misaligned: {e}")))
 }
 
 impl RowLists {
@@ -99,12 +99,8 @@ pub fn assemble(bands: Vec<BandLists>, width: u32, height: u32) -> Result<Fragme
             counts[at..at + row.counts.len()].copy_from_slice(&row.counts);
         }
     }
-    let mut all = Fragments::<f32>::with_counts(&counts).ok_or_else(|| Error::Capacity {
-        what: "the fragment lists".into(),
-        needed: counts.iter().map(|&n| n as u64).sum::<u64>() * 28,
-        limit: 0,
-        advice: "the system has no such memory left: lower width and height".into(),
-    })?;
+    let mut all = Fragments::<f32>::with_counts(&counts)
+        .ok_or_else(|| out_of_memory("fragment lists", counts.iter().map(|&n| n as u64).sum::<u64>() * 28))?;
     for band in bands {
         for (i, row) in band.rows.into_iter().enumerate() {
             let first = all.offsets[start(&band.rect, i)] as usize;

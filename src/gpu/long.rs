@@ -4,7 +4,8 @@
 use wgpu::BufferUsages;
 
 use super::buffers::{bind, readable, storage, with_contents};
-use super::linked_list::{Frame, Pool};
+use super::passes::Frame;
+use super::pool::Pool;
 use super::timing::Timing;
 use super::uniforms::{LongPixel, Round};
 use crate::error::{Error, Result};
@@ -190,7 +191,7 @@ impl<'a> Sorter<'a> {
             Ok(())
         })?;
         let results = self.frame.submit(encoder, &timing, &[&unfinished], stats)?;
-        Ok(results[0].iter().any(|&byte| byte != 0))
+        Ok(results[0].iter().any(|&word| word != 0))
     }
 
     fn read_pixels(&self) -> Result<Vec<LongPixel>> {
@@ -199,7 +200,10 @@ impl<'a> Sorter<'a> {
         let buffer = readable(gpu, "long", bytes);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(&self.long, 0, &buffer, 0, bytes);
-        let bytes = gpu.submit_and_read(encoder, &[&buffer])?.remove(0);
-        Ok(bytes.chunks_exact(size_of::<LongPixel>()).map(bytemuck::pod_read_unaligned).collect())
+        let words = gpu.submit_and_read(encoder, &[&buffer])?.remove(0);
+        Ok(words[..bytes as usize / 4]
+            .chunks_exact(size_of::<LongPixel>() / 4)
+            .map(|w| *bytemuck::from_bytes(bytemuck::cast_slice(w)))
+            .collect())
     }
 }

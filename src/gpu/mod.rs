@@ -6,7 +6,10 @@ mod geometry;
 mod linked_list;
 mod lists;
 mod long;
+mod passes;
 mod pipelines;
+mod pool;
+mod targets;
 mod timing;
 mod uniforms;
 

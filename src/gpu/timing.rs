@@ -75,11 +75,11 @@ impl Timing {
     }
 
     /// Milliseconds of each timed pass, and from the first begin to the last end.
-    pub fn read(&self, bytes: &[u8]) -> (Vec<(&'static str, f64)>, f64) {
-        let ticks: Vec<u64> = bytes
-            .chunks_exact(8)
+    pub fn read(&self, words: &[u32]) -> (Vec<(&'static str, f64)>, f64) {
+        let ticks: Vec<u64> = words
+            .chunks_exact(2)
             .take(2 * self.used.get() as usize)
-            .map(|b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]))
+            .map(|w| u64::from(w[1]) << 32 | u64::from(w[0]))
             .collect();
         let ms = |from: u64, to: u64| to.saturating_sub(from) as f64 * f64::from(self.period_ns) * 1e-6;
         let stages = self.stages.borrow();
