@@ -12,9 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import scenes
-
 import abuffer as ab
+import scenes
 
 MIB = 1 << 20
 
