@@ -283,3 +283,99 @@ fn canonical<T: Real>(v: [Vertex<T>; 3]) -> ([Vertex<T>; 3], bool) {
     let flipped = matches!(order, [0, 2, 1] | [1, 0, 2] | [2, 1, 0]);
     (order.map(|i| v[i]), flipped)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat4;
+
+    use super::*;
+    use crate::scene::{ColorValues, Colors, Mesh, Positions, Rate};
+
+    /// A view in which world x and y from −1 to 1 fill a `size` × `size` image, and depth is −z.
+    fn set_up_orthographic(positions: &[[f32; 3]], faces: &[[u32; 3]], size: u32) -> Setup<f32> {
+        let camera = Camera { view: DMat4::IDENTITY, projection: DMat4::IDENTITY, near: None, far: None };
+        set_up_with(positions, faces, size, &camera)
+    }
+
+    fn set_up_with(positions: &[[f32; 3]], faces: &[[u32; 3]], size: u32, camera: &Camera) -> Setup<f32> {
+        let scene = Scene::new(vec![Mesh {
+            positions: Positions::F32(positions),
+            faces: Some(faces),
+            colors: Colors { rate: Rate::One, values: ColorValues::F32(&[[1.0; 4]]) },
+            opaque: false,
+            alpha_cutoff: 0.0,
+            cull: Cull::None,
+        }]);
+        set_up(&scene.unwrap(), camera, size, size)
+    }
+
+    fn perspective() -> Camera {
+        let mut rows = [0.0; 16];
+        (rows[0], rows[5], rows[14]) = (1.0, 1.0, -1.0);
+        let identity = DMat4::IDENTITY.to_cols_array();
+        Camera::from_rows(&identity, &rows, None, None).unwrap()
+    }
+
+    #[test]
+    fn vertices_snap_to_the_nearest_256th_of_a_pixel_with_y_down() {
+        // 4 pixels: x = (ndc·½ + ½)·4, so that 1/1024 in ndc is half of 1/256 pixel, which rounds up.
+        let p = [[-1.0 + 1.0 / 1024.0, 1.0, -1.0], [1.0, 1.0, -1.0], [0.0, -1.0, -1.0]];
+        let setup = set_up_orthographic(&p, &[[0, 1, 2]], 4);
+        let record = setup.records[0];
+        let mut snapped: Vec<_> = record.x.into_iter().zip(record.y).collect();
+        snapped.sort_unstable();
+        assert_eq!(snapped, [(1, 0), (512, 1024), (1024, 0)]);
+    }
+
+    #[test]
+    fn rotations_and_reversals_of_a_face_give_the_same_planes() {
+        let p = [[-0.7, -0.6, -1.0], [0.8, -0.5, -2.0], [0.1, 0.7, -3.0]];
+        let faces = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+        let setup = set_up_with(&p, &faces, 64, &perspective());
+        let bits = |r: &Record<f32>| {
+            let k = r.key_plane;
+            [r.anchor[0], r.anchor[1], k.value, k.gx, k.gy, k.low, k.high].map(f32::to_bits)
+        };
+        assert_eq!(setup.records.len(), 6);
+        assert!(setup.records.iter().all(|r| bits(r) == bits(&setup.records[0])));
+    }
+
+    #[test]
+    fn snapped_coordinates_stay_in_range_whatever_the_triangle() {
+        // Through the eye, far outside, and huge: the guard band keeps them within 2^23.6 units.
+        let p =
+            [[0.1, 0.2, 1.0], [1e6, -1e6, -1e-3], [-1e30, 1e30, -1.0], [0.3, 0.1, -1e-20], [5.0, 5.0, -0.1]];
+        let mut faces = Vec::new();
+        for a in 0..5 {
+            for b in 0..5 {
+                faces.extend((0..5).filter(|&c| a != b && b != c && a != c).map(|c| [a, b, c]));
+            }
+        }
+        let setup = set_up_with(&p, &faces, 16384, &perspective());
+        assert!(setup.records.len() > 10);
+        let limit = 2f64.powf(23.6) as i32;
+        for r in &setup.records {
+            assert!(r.x.iter().chain(&r.y).all(|v| v.abs() <= limit), "{:?} {:?}", r.x, r.y);
+        }
+    }
+
+    #[test]
+    fn triangles_that_hold_no_pixel_centre_are_dropped_in_setup() {
+        let inside_a_pixel = [[0.02, 0.02, -1.0], [0.2, 0.02, -1.0], [0.02, 0.2, -1.0]];
+        assert!(set_up_orthographic(&inside_a_pixel, &[[0, 1, 2]], 4).records.is_empty());
+        let line = [[-1.0, -1.0, -1.0], [1.0, 1.0, -1.0], [0.0, 0.0, -1.0]];
+        assert!(set_up_orthographic(&line, &[[0, 1, 2]], 4).records.is_empty());
+    }
+
+    #[test]
+    fn pieces_of_a_clipped_triangle_share_its_planes() {
+        let p = [[-0.5, -0.5, -1.0], [0.5, -0.5, -1.0], [0.0, 0.5, 1.0]]; // one corner behind the eye
+        let setup = set_up_with(&p, &[[0, 1, 2]], 64, &perspective());
+        assert!(setup.has_pieces && setup.records.len() >= 2);
+        let first = setup.records[0];
+        for r in &setup.records {
+            assert_eq!((r.primitive, r.anchor), (first.primitive, first.anchor));
+            assert_eq!(r.key_plane.gx.to_bits(), first.key_plane.gx.to_bits());
+        }
+    }
+}
