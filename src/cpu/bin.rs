@@ -9,12 +9,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::coverage::Edges;
+use super::region::{Region, TILE};
 use super::setup::{Record, Setup};
-use super::tile::Region;
 use crate::error::{Error, Result};
 
-/// Tile width and height in pixels.
-pub const TILE: u32 = 16;
 /// Bytes of one entry of a tile's list.
 const ENTRY: u64 = size_of::<u32>() as u64;
 

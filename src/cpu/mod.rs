@@ -4,6 +4,7 @@ mod bin;
 mod clip;
 mod coverage;
 mod plane;
+mod region;
 mod setup;
 mod sort;
 mod target;

@@ -1,7 +1,7 @@
 //! Where tiles write: parts of whole-image arrays, handed out before the threads start, so that no two
 //! threads share a pixel and none of it needs `unsafe`.
 
-use super::bin::TILE;
+use super::region::TILE;
 use super::tile::{Pixel, Walk};
 use crate::fragments::{Background, Fragments};
 use crate::methods::exact;

@@ -4,39 +4,13 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use super::bin::TILE;
 use super::coverage::Edges;
+use super::region::{Region, TILE};
 use super::setup::{FLAT, Record, Setup};
 use super::sort::sort;
 use crate::error::{Error, Result};
 use crate::real::{Real, sort_key};
 use crate::scene::Mesh;
-
-/// A rectangle of pixels, at most one tile.
-#[derive(Debug, Clone, Copy)]
-pub struct Region {
-    pub x0: i32,
-    pub y0: i32,
-    pub w: i32,
-    pub h: i32,
-}
-
-impl Region {
-    fn pixels(&self) -> usize {
-        (self.w * self.h) as usize
-    }
-
-    /// Two halves, across the longer side.
-    fn halves(&self) -> [Self; 2] {
-        if self.w >= self.h {
-            let w = self.w / 2;
-            [Self { w, ..*self }, Self { x0: self.x0 + w, w: self.w - w, ..*self }]
-        } else {
-            let h = self.h / 2;
-            [Self { h, ..*self }, Self { y0: self.y0 + h, h: self.h - h, ..*self }]
-        }
-    }
-}
 
 /// A rank orders fragments of equal keys, smaller in front: the complement of the record, so that later
 /// triangles win ties; its top bit puts an opaque fragment behind translucent ones at its depth.
