@@ -1,7 +1,7 @@
 // What every stage shares: the view, the band, and the sort key.
 
 struct View {
-    // Rows of the matrix from positions relative to the scene's centre to clip x, y, w and eye depth.
+    // Rows of the matrix from positions relative to a centre to clip x, y, w and eye depth.
     rows: array<vec4f, 4>,
     // Straight, where no background texture is bound.
     background: vec4f,
@@ -11,6 +11,7 @@ struct View {
     // 1: opaque surfaces are listed like any other, and hide nothing.
     list_opaque: u32,
     near: f32,
+    // The least 1/w under a perspective, else the greatest depth.
     far: f32,
     // Window z of an orthographic view: z_offset − depth · z_scale, 1 at the scene's nearest, 0 at its farthest.
     z_offset: f32,

@@ -19,7 +19,7 @@ struct MeshState {
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> batch: Batch;
-// Nine floats a triangle, relative to the scene's centre; scalars, since a vec3 would stride 16 bytes.
+// Nine floats a triangle, relative to the camera's centre; scalars, since a vec3 would stride 16 bytes.
 @group(0) @binding(2) var<storage, read> positions: array<f32>;
 @group(0) @binding(3) var<storage, read> colors: array<vec4f>;
 @group(0) @binding(4) var<storage, read> mesh_ids: array<u32>;
@@ -88,7 +88,8 @@ fn rasterise(index: u32, wants_opaque: bool) -> Varyings {
     var c = corner_of(triangle, 2u);
     // The sign of the original winding, positive for counter-clockwise; homogeneous, so that it holds for
     // triangles around the eye. front_facing would tell that of the canonical order instead.
-    let facing = dot(a.clip, cross(b.clip, c.clip));
+    let facing_scale = inverse_binade(a, b, c);
+    let facing = dot(a.clip * facing_scale, cross(b.clip * facing_scale, c.clip * facing_scale));
     let culled = (mesh.cull == 1u && facing < 0.0) || (mesh.cull == 2u && facing > 0.0);
     let is_opaque = mesh.is_opaque == 1u && view.list_opaque == 0u;
 
@@ -129,6 +130,13 @@ fn to_screen(v: Corner) -> vec2f {
     return vec2f((ndc.x * 0.5 + 0.5) * f32(view.width), (0.5 - ndc.y * 0.5) * f32(view.height));
 }
 
+// The power of two that makes a triangle's largest coordinate about 1: products of three coordinates then
+// neither over- nor underflow.
+fn inverse_binade(a: Corner, b: Corner, c: Corner) -> f32 {
+    let m = max(abs(a.clip), max(abs(b.clip), abs(c.clip)));
+    return ldexp(1.0, -frexp(max(m.x, max(m.y, m.z))).exp);
+}
+
 // How far off the screen's middle a vertex lands; one behind the eye lands nowhere.
 fn offset_on_screen(v: Corner) -> f32 {
     return select(3.0e38, max(abs(v.clip.x), abs(v.clip.y)) / v.clip.z, v.clip.z > 0.0);
@@ -141,15 +149,17 @@ fn set_planes(out: ptr<function, Varyings>, a: Corner, b: Corner, c: Corner, ran
     var at = a;
     if offset_on_screen(b) < offset_on_screen(at) { at = b; }
     if offset_on_screen(c) < offset_on_screen(at) { at = c; }
-    let ab = b.clip - a.clip;
-    let ac = c.clip - a.clip;
+    let scale = inverse_binade(a, b, c);
+    let origin = a.clip * scale;
+    let ab = b.clip * scale - origin;
+    let ac = c.clip * scale - origin;
     let normal = cross(ab, ac);
-    let determinant = dot(a.clip, normal);
+    let determinant = dot(origin, normal);
     // Seen edge-on: any corner's value is as good as another.
-    let inverse = select(1.0 / determinant, 0.0, determinant == 0.0);
+    let inverse = select(scale / determinant, 0.0, determinant == 0.0);
     let to_pixels = vec2f(2.0, -2.0) / vec2f(f32(view.width), f32(view.height)) * inverse;
-    let along_b = cross(ac, a.clip).xy * to_pixels;
-    let along_c = cross(a.clip, ab).xy * to_pixels;
+    let along_b = cross(ac, origin).xy * to_pixels;
+    let along_c = cross(origin, ab).xy * to_pixels;
     let constant = normal.xy * to_pixels;
     let perspective = view.perspective == 1u;
     let slope = along_b * (b.depth - a.depth) + along_c * (c.depth - a.depth);
@@ -183,7 +193,7 @@ fn shade(v: Varyings) -> Shaded {
 // The hardware clips neither the far plane of a perspective nor an orthographic view's two.
 fn beyond_depth_range(value: f32) -> bool {
     if view.perspective == 1u {
-        return value * view.far < 1.0;
+        return value < view.far;
     }
     return value < view.near || value > view.far;
 }

@@ -3,7 +3,7 @@
 use glam::{DMat4, DVec3, DVec4};
 
 use crate::error::{Error, Result};
-use crate::scene::LARGEST_POSITION;
+use crate::scene::Scene;
 
 /// World to eye to clip. The eye looks along −Z (OpenGL axes); depth is −z in eye space.
 #[derive(Debug, Clone, Copy)]
@@ -15,7 +15,7 @@ pub struct Camera {
     pub far: Option<f64>,
 }
 
-/// Rows of the matrix that takes a position relative to the scene's centre to clip space and eye depth.
+/// Rows of the matrix that takes a position relative to a centre to clip space and eye depth.
 #[derive(Debug, Clone, Copy)]
 pub struct ClipRows {
     pub x: DVec4,
@@ -29,7 +29,7 @@ pub struct ClipRows {
 impl ClipRows {
     /// A position relative to the centre, and what it is transformed to, stay finite in float32.
     pub fn representable(&self, p: DVec3) -> bool {
-        let limit = LARGEST_POSITION;
+        let limit = f64::from(f32::MAX) / 4.0; // a quarter: sums of a few stay finite
         let fits = |row: &DVec4| {
             (row.x * p.x).abs() + (row.y * p.y).abs() + (row.z * p.z).abs() + row.w.abs() < limit
         };
@@ -67,6 +67,22 @@ impl Camera {
 
     pub fn is_perspective(&self) -> bool {
         self.projection.row(3).z != 0.0
+    }
+
+    /// What float32 pipelines keep positions relative to: they round them once, relative to it.
+    ///
+    /// Under a perspective it is the eye, so that a rounding is 2⁻²⁴ of the distance from the eye, whatever
+    /// else the scene holds. A parallel view has no such point; its centre lies on the view axis, amid the
+    /// scene's depths.
+    pub fn center(&self, scene: &Scene) -> DVec3 {
+        let to_world = self.view.inverse();
+        let eye = to_world.transform_point3(DVec3::ZERO);
+        if self.is_perspective() {
+            return eye;
+        }
+        let depth = |p: DVec3| -self.view.transform_point3(p).z;
+        let (low, high) = scene.extent(depth).unwrap_or_default();
+        to_world.transform_point3(DVec3::new(0.0, 0.0, -(low + high) / 2.0))
     }
 
     /// Composes view, projection and the move to `center` in float64: float32 pipelines round once, here.

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::fragments::Background;
 use crate::methods::exact;
 use crate::real::Real;
+use crate::threads::threads;
 
 /// Composites lists in float64 with method `exact`, premultiplied. `color` is straight, front to back.
 pub fn composite<C: Real>(
@@ -23,16 +24,19 @@ pub fn composite<C: Real>(
             color.len()
         )));
     }
-    Ok((0..pixels)
-        .into_par_iter()
-        .map(|pixel| {
-            let mut state = exact::State::<f64>::begin();
-            for c in &color[offsets[pixel] as usize..offsets[pixel + 1] as usize] {
-                state.insert(c.map(C::to_f64));
-            }
-            state.end(background.at(pixel))
-        })
-        .collect())
+    let all = || {
+        (0..pixels)
+            .into_par_iter()
+            .map(|pixel| {
+                let mut state = exact::State::<f64>::begin();
+                for c in &color[offsets[pixel] as usize..offsets[pixel + 1] as usize] {
+                    state.insert(c.map(C::to_f64));
+                }
+                state.end(background.at(pixel))
+            })
+            .collect()
+    };
+    Ok(threads()?.install(all))
 }
 
 #[cfg(test)]

@@ -42,10 +42,14 @@ pub trait Real:
     /// The key in reverse order.
     fn reversed(key: Self::Key) -> Self::Key;
 
+    fn abs(self) -> Self;
+    /// The power of two that brings a positive value into [1, 2), as far as it is a normal number itself.
+    fn inverse_binade(self) -> Self;
+
+    /// Comparisons that become min and max, and turn a NaN (of two infinities, on a sliver) into `low`.
     fn clamped(self, low: Self, high: Self) -> Self {
-        // Two comparisons, not `clamp`: a NaN cannot reach this point, and these become min and max.
-        let v = if self < low { low } else { self };
-        if v > high { high } else { v }
+        let v = if self > low { self } else { low };
+        if v < high { v } else { high }
     }
     fn smaller(self, other: Self) -> Self {
         if other < self { other } else { self }
@@ -67,7 +71,7 @@ impl Bounded for u128 {
 }
 
 macro_rules! impl_real {
-    ($float:ty, $key:ty, $entry:ty, $sign:expr) => {
+    ($float:ty, $key:ty, $entry:ty, $sign:expr, $bias:expr) => {
         impl Real for $float {
             type Key = $key;
             type Entry = $entry;
@@ -97,6 +101,17 @@ macro_rules! impl_real {
                 <$float>::is_finite(self)
             }
             #[inline]
+            fn abs(self) -> Self {
+                <$float>::abs(self)
+            }
+            #[inline]
+            fn inverse_binade(self) -> Self {
+                let shift = <$float>::MANTISSA_DIGITS - 1;
+                let exponent = (self.to_bits() & !$sign) >> shift;
+                // 2^(e − bias) has the exponent field e; its inverse has 2·bias − e.
+                <$float>::from_bits((2 * $bias - exponent.min(2 * $bias - 1)) << shift)
+            }
+            #[inline]
             fn orderable(self) -> $key {
                 let bits = (self + 0.0).to_bits(); // −0 + 0 = +0
                 if bits & $sign == 0 { bits | $sign } else { !bits }
@@ -124,8 +139,8 @@ macro_rules! impl_real {
         }
     };
 }
-impl_real!(f32, u32, u64, 0x8000_0000_u32);
-impl_real!(f64, u64, u128, 0x8000_0000_0000_0000_u64);
+impl_real!(f32, u32, u64, 0x8000_0000_u32, 127);
+impl_real!(f64, u64, u128, 0x8000_0000_0000_0000_u64, 1023);
 
 /// The sort key of a fragment: smaller is in front.
 ///
@@ -154,6 +169,22 @@ mod tests {
             assert_eq!(f32::from_orderable(pair[0].orderable()), pair[0]);
         }
         assert_eq!((-0.0_f64).orderable(), 0.0_f64.orderable());
+    }
+
+    #[test]
+    fn inverse_binades_are_powers_of_two_and_never_zero_or_infinite() {
+        for v in [1.0_f32, 1.99, 3e-38, 1e38, f32::MAX, 0.0, 1e-45] {
+            let inverse = v.inverse_binade();
+            assert!(inverse.is_normal() && inverse.to_bits() & 0x7f_ffff == 0, "{v}");
+        }
+        assert_eq!(6.5_f64.inverse_binade(), 0.25);
+        assert_eq!((0.3_f32).inverse_binade(), 4.0);
+    }
+
+    #[test]
+    fn a_nan_is_clamped_into_the_range() {
+        assert_eq!(f32::NAN.clamped(1.0, 2.0), 1.0);
+        assert_eq!([0.5_f32, 1.5, 9.0].map(|v| v.clamped(1.0, 2.0)), [1.0, 1.5, 2.0]);
     }
 
     #[test]

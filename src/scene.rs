@@ -138,45 +138,47 @@ impl Mesh<'_> {
     }
 }
 
-/// Larger coordinates do not move the scene's centre: a quarter of what float32 holds.
-pub const LARGEST_POSITION: f64 = f32::MAX as f64 / 4.0;
-
 /// Meshes in submission order.
 #[derive(Debug)]
 pub struct Scene<'a> {
     pub meshes: Vec<Mesh<'a>>,
     /// First primitive of each mesh, then the total.
     pub first_primitive: Vec<usize>,
-    /// Middle of the bounding box: float32 pipelines keep positions relative to it.
-    pub center: DVec3,
-    pub bounds: Option<(DVec3, DVec3)>,
 }
 
 impl<'a> Scene<'a> {
     pub fn new(meshes: Vec<Mesh<'a>>) -> Result<Self> {
         let mut first_primitive = vec![0];
-        let mut bounds: Option<(DVec3, DVec3)> = None;
         for mesh in &meshes {
             mesh.check()?;
             first_primitive.push(first_primitive[first_primitive.len() - 1] + mesh.face_count());
-            for i in 0..mesh.positions.len() {
-                let p = mesh.positions.get(i);
-                // One such vertex would take the centre away from all others; float32 rejects its triangles.
-                if p.abs().max_element() > LARGEST_POSITION {
-                    continue;
-                }
-                let (low, high) = bounds.unwrap_or((p, p));
-                bounds = Some((low.min(p), high.max(p)));
-            }
         }
         let total = first_primitive[first_primitive.len() - 1];
         // Primitive ids travel as int32, and one bit of their complement orders opaque behind translucent.
         if total > i32::MAX as usize {
             return Err(Error::Scene(format!("{total} triangles given; the limit is {}", i32::MAX)));
         }
-        // Half of each, so that the sum of two huge coordinates does not overflow.
-        let center = bounds.map_or(DVec3::ZERO, |(low, high)| low * 0.5 + high * 0.5);
-        Ok(Self { meshes, first_primitive, center, bounds })
+        Ok(Self { meshes, first_primitive })
+    }
+
+    /// Lowest and highest of the positions that faces use, as `along` sees them. Unused vertices, which files
+    /// have, must not count. `None` for a scene without triangles.
+    pub fn extent(&self, along: impl Fn(DVec3) -> f64) -> Option<(f64, f64)> {
+        let mut extent: Option<(f64, f64)> = None;
+        for mesh in &self.meshes {
+            for face in 0..mesh.face_count() {
+                for id in mesh.vertex_ids(face) {
+                    let v = along(mesh.positions.get(id));
+                    // Nor those of triangles that float32 rejects.
+                    if v.is_nan() || v.abs() > f64::from(f32::MAX) {
+                        continue;
+                    }
+                    let (low, high) = extent.unwrap_or((v, v));
+                    extent = Some((low.min(v), high.max(v)));
+                }
+            }
+        }
+        extent
     }
 
     pub fn triangle_count(&self) -> usize {
@@ -220,9 +222,10 @@ mod tests {
     }
 
     #[test]
-    fn one_huge_vertex_does_not_move_the_centre() {
-        let p = [[1e38, 0.0, 0.0], [-1.0, 0.0, 0.0], [3.0, 2.0, 0.0]];
-        assert_eq!(Scene::new(vec![mesh(&p)]).unwrap().center, DVec3::new(1.0, 1.0, 0.0));
+    fn vertices_that_no_face_uses_have_no_extent() {
+        let p = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1e9, 0.0, 0.0]];
+        let used = Mesh { faces: Some(&[[0, 1, 2]]), ..mesh(&p) };
+        assert_eq!(Scene::new(vec![used]).unwrap().extent(|p| p.x), Some((0.0, 2.0)));
     }
 
     #[test]

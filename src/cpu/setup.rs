@@ -7,7 +7,7 @@ use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 
 use super::clip::{ClipVolume, MAX_CORNERS, Vertex};
-use super::plane::{Corner, Frame, Plane};
+use super::plane::{Frame, Plane, on_screen};
 use crate::camera::Camera;
 use crate::real::Real;
 use crate::scene::{Cull, Scene};
@@ -85,13 +85,14 @@ const CHUNK: usize = 4096;
 
 /// Sets up all triangles, in submission order.
 pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) -> Setup<T> {
-    let rows = camera.clip_rows(scene.center);
+    let center = camera.center(scene);
+    let rows = camera.clip_rows(center);
     let (near, far) = camera.depth_range();
     let row = |r: DVec4| r.to_array().map(T::from_f64);
     let view = View {
         rows: [row(rows.x), row(rows.y), row(rows.w), row(rows.depth)],
         volume: ClipVolume { near: T::from_f64(near), far: T::from_f64(far), perspective: rows.perspective },
-        center: scene.center,
+        center,
         width: T::from_i32(width as i32),
         height: T::from_i32(height as i32),
         viewport: (width, height),
@@ -176,9 +177,9 @@ impl<T: Real> Part<T> {
         if corners.len() < 3 {
             return Some(());
         }
-        let mut screen = [Corner::default(); MAX_CORNERS];
+        let mut screen = [(0, 0); MAX_CORNERS];
         for (corner, v) in screen.iter_mut().zip(corners) {
-            *corner = view.to_screen(v)?;
+            *corner = view.snapped(v)?;
         }
         let screen = &screen[..corners.len()];
 
@@ -210,7 +211,8 @@ impl<T: Real> Part<T> {
         }
         self.has_pieces |= self.records.len() > first_piece + 1;
         // The planes are the parent's: all its pieces share them.
-        let Some(frame) = Frame::of(screen, corners, view.volume.perspective, &vertices) else {
+        let Some(frame) = Frame::of(&vertices, corners, view.volume.perspective, [view.width, view.height])
+        else {
             self.records.truncate(first_piece);
             return None;
         };
@@ -235,18 +237,17 @@ impl<T: Real> View<T> {
         Vertex { x, y, w, depth: if self.volume.perspective { w } else { depth }, color }
     }
 
-    fn to_screen(&self, v: &Vertex<T>) -> Option<Corner<T>> {
-        let half = T::from_f64(0.5);
-        let x = (v.x / v.w * half + half) * self.width;
-        let y = (half - v.y / v.w * half) * self.height;
-        let snap = |v: T| (v * T::from_i32(SUBPIXELS) + half).floor_to_i32();
-        (x + y).is_finite().then(|| Corner { x, y, snapped: (snap(x), snap(y)) })
+    /// A vertex on the screen, in 1/256 pixel.
+    fn snapped(&self, v: &Vertex<T>) -> Option<(i32, i32)> {
+        let [x, y] = on_screen(v, [self.width, self.height]);
+        let snap = |v: T| (v * T::from_i32(SUBPIXELS) + T::from_f64(0.5)).floor_to_i32();
+        (x + y).is_finite().then(|| (snap(x), snap(y)))
     }
 
     /// Snapped vertices in positive order, unless the piece is culled, has no area, or holds no pixel centre.
-    fn visible_piece(&self, c: [Corner<T>; 3], flipped: bool, cull: Cull) -> Option<([i32; 3], [i32; 3])> {
-        let mut x = c.map(|c| c.snapped.0);
-        let mut y = c.map(|c| c.snapped.1);
+    fn visible_piece(&self, c: [(i32, i32); 3], flipped: bool, cull: Cull) -> Option<([i32; 3], [i32; 3])> {
+        let mut x = c.map(|c| c.0);
+        let mut y = c.map(|c| c.1);
         let side = |a: usize, b: usize| (i64::from(x[a] - x[0])) * i64::from(y[b] - y[0]);
         let area = side(1, 2) - side(2, 1);
         if area == 0 {

@@ -1,5 +1,6 @@
 //! Geometry on the device: batches of triangles, three corners each, in submission order.
 
+use glam::DVec3;
 use rayon::prelude::*;
 use wgpu::BufferUsages;
 
@@ -8,7 +9,9 @@ use super::device::Gpu;
 use super::pipelines::Pipelines;
 use super::uniforms::{Batch, MeshState};
 use crate::camera::ClipRows;
+use crate::error::Result;
 use crate::scene::{Cull, Rate, Scene};
+use crate::threads::threads;
 
 /// Triangles of a batch, at most; less where the device's bindings are small.
 const MAX_BATCH: u64 = 1 << 20;
@@ -34,8 +37,9 @@ impl Geometry {
         pipelines: &Pipelines,
         scene: &Scene,
         rows: &ClipRows,
+        center: DVec3,
         view: &wgpu::Buffer,
-    ) -> Self {
+    ) -> Result<Self> {
         let states: Vec<_> = scene
             .meshes
             .iter()
@@ -56,7 +60,7 @@ impl Geometry {
         let mut geometry = Self { batches: Vec::new(), rejected: 0, bytes: 0 };
         for first in (0..triangles).step_by(size) {
             let end = (first + size).min(triangles);
-            let arrays = Arrays::of(scene, rows, first, end);
+            let arrays = threads()?.install(|| Arrays::of(scene, rows, center, first, end));
             geometry.rejected += arrays.rejected;
             geometry.bytes += arrays.bytes();
             let batch = Batch {
@@ -79,7 +83,7 @@ impl Geometry {
             );
             geometry.batches.push(Drawn { group, vertices: 3 * (end - first) as u32 });
         }
-        geometry
+        Ok(geometry)
     }
 
     pub fn draw(&self, pass: &mut wgpu::RenderPass) {
@@ -100,7 +104,7 @@ struct Arrays {
 }
 
 impl Arrays {
-    fn of(scene: &Scene, rows: &ClipRows, first: usize, end: usize) -> Self {
+    fn of(scene: &Scene, rows: &ClipRows, center: DVec3, first: usize, end: usize) -> Self {
         let located = |primitive: usize| {
             let (mesh, face) = scene.locate(primitive);
             let ids = scene.meshes[mesh].vertex_ids(face);
@@ -126,7 +130,7 @@ impl Arrays {
                 let source = &scene.meshes[mesh];
                 *mesh_id = mesh as u32;
                 colors.copy_from_slice(&source.corner_colors::<f32>(face, ids)[..corners]);
-                let relative = ids.map(|id| source.positions.get(id) - scene.center);
+                let relative = ids.map(|id| source.positions.get(id) - center);
                 let representable = relative.iter().all(|&p| rows.representable(p));
                 if representable {
                     *positions = relative.map(|p| p.as_vec3().to_array());

@@ -7,6 +7,7 @@
 
 use std::time::Instant;
 
+use glam::DVec3;
 use wgpu::BufferUsages;
 
 use super::buffers::with_contents;
@@ -18,7 +19,7 @@ use super::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
 use super::pool::{Budget, DEFAULT_MEMORY, NODE_BYTES, Pool, SCRATCH_BYTES, first_rects};
 use super::targets::{read_texture, texture, write_texture};
 use super::uniforms::View;
-use crate::camera::Camera;
+use crate::camera::{Camera, ClipRows};
 use crate::error::{Error, Result};
 use crate::fragments::Background;
 use crate::frame::{Lists, Output, Request, Stats, allocate};
@@ -46,10 +47,11 @@ pub fn render(
 
     let clock = Instant::now();
     let frame = gpu.checked("uploading the scene", || {
-        let rows = camera.clip_rows(scene.center);
-        let view = view_uniform(scene, camera, request, &background);
+        let center = camera.center(scene);
+        let rows = camera.clip_rows(center);
+        let view = view_uniform(scene, camera, &rows, request, &background);
         let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[view]);
-        let geometry = Geometry::upload(gpu, pipelines, scene, &rows, &view);
+        let geometry = Geometry::upload(gpu, pipelines, scene, &rows, center, &view)?;
         let background_is_texture = hides || matches!(background, Background::Image(_));
         let (w, h) = if background_is_texture { (width, height) } else { (1, 1) };
         let color = texture(gpu, "background", COLOR_FORMAT, w, h);
@@ -139,22 +141,29 @@ pub fn render(
     Ok(output)
 }
 
-fn view_uniform(scene: &Scene, camera: &Camera, request: &Request, background: &Background<f32>) -> View {
-    let rows = camera.clip_rows(scene.center);
+fn view_uniform(
+    scene: &Scene,
+    camera: &Camera,
+    rows: &ClipRows,
+    request: &Request,
+    background: &Background<f32>,
+) -> View {
     let (near, far) = camera.depth_range();
-    let corners = scene.bounds.map(|(low, high)| [low, high]).unwrap_or_default();
-    let mut depths = (f64::INFINITY, f64::NEG_INFINITY);
-    for i in 0..8 {
-        let pick = |bit: usize| corners[(i >> bit) & 1];
-        let corner = glam::DVec3::new(pick(0).x, pick(1).y, pick(2).z) - scene.center;
-        let depth = rows.depth.dot(corner.extend(1.0));
-        depths = (depths.0.min(depth), depths.1.max(depth));
-    }
-    // Window z of an orthographic view spans the scene, with room for rounding: near and far are compared in
-    // the shader, exactly.
-    let (low, high) = (depths.0.max(near), depths.1.min(far).max(depths.0.max(near)));
+    let perspective = camera.is_perspective();
+    // Window z of a parallel view spans the scene, with room for rounding.
+    let depth = |p: DVec3| -camera.view.transform_point3(p).z;
+    let (low, high) = if perspective { None } else { scene.extent(depth) }.unwrap_or_default();
+    let (low, high) = (low.max(near), high.min(far).max(low.max(near)));
     let room = 1e-5 * (high - low).max(low.abs()).max(high.abs()).max(f64::MIN_POSITIVE);
     let scale = 1.0 / (high - low + 2.0 * room);
+    // The shader compares rounded depths: what lies exactly at near or far is kept.
+    let slack = 2f64.powi(-21);
+    let beside = |depth: f64, sign: f64| depth + sign * slack * depth.abs();
+    let (near, far) = if perspective {
+        (near, (1.0 - slack) / far) // the least 1/w; the hardware clips at near
+    } else {
+        (beside(near, -1.0), beside(far, 1.0))
+    };
     View {
         rows: [rows.x, rows.y, rows.w, rows.depth].map(|r| r.as_vec4().to_array()),
         background: match background {
@@ -163,10 +172,10 @@ fn view_uniform(scene: &Scene, camera: &Camera, request: &Request, background: &
         },
         width: request.width,
         height: request.height,
-        perspective: u32::from(camera.is_perspective()),
+        perspective: u32::from(perspective),
         list_opaque: u32::from(request.lists == Lists::All),
         near: near as f32,
-        far: far.min(f64::from(f32::MAX)) as f32,
+        far: far.min(f64::from(f32::MAX)) as f32, // 0 or largest where there is none
         z_offset: ((high + room) * scale) as f32,
         z_scale: scale as f32,
     }
