@@ -23,7 +23,7 @@ use crate::real::Real;
 use crate::scene::Scene;
 use bin::Binning;
 use target::{ImageTarget, ListTarget, background_at};
-use tile::{Scratch, Walk};
+use tile::{DeepPixel, Scratch, Walk};
 
 /// What bins and scratch may take together unless `memory=` says otherwise.
 const DEFAULT_MEMORY: u64 = 1 << 30;
@@ -56,7 +56,7 @@ pub fn render<T: Real>(
         list_opaque: scene.has_opaque() && request.lists == Lists::All,
         // Half for the bins, a quarter for what threads hold, a quarter for the one deepest pixel.
         scratch_bytes: memory / 4 / rayon::current_num_threads() as u64,
-        deep_pixel: Mutex::new(memory / 4),
+        deep_pixel: Mutex::new(DeepPixel { limit: memory / 4, held: 0 }),
     };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     // Poisoned: a pixel that no tile writes would show.
@@ -110,7 +110,9 @@ pub fn render<T: Real>(
         _ => None,
     };
     stats.bands = binning.runs.len();
-    stats.bytes = vec![("setup", setup.bytes()), ("bins", binning.bytes()), ("scratch", scratches.bytes())];
+    let deep = walk.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner).held;
+    let scratch = scratches.bytes() + deep;
+    stats.bytes = vec![("setup", setup.bytes()), ("bins", binning.bytes()), ("scratch", scratch)];
     Ok(Output { image, counts, background: behind, fragments, stats })
 }
 

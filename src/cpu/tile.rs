@@ -79,8 +79,16 @@ pub struct Walk<'a, T> {
     pub list_opaque: bool,
     /// Scratch bytes that one thread may hold.
     pub scratch_bytes: u64,
-    /// Bytes that a single pixel may take where that is too little: whoever holds the lock uses them.
-    pub deep_pixel: Mutex<u64>,
+    /// What a single pixel may take where that is too little: whoever holds the lock uses it.
+    pub deep_pixel: Mutex<DeepPixel>,
+}
+
+/// Memory for the one pixel at a time that exceeds a thread's share.
+#[derive(Debug)]
+pub struct DeepPixel {
+    pub limit: u64,
+    /// The most that was in use.
+    pub held: u64,
 }
 
 /// One pixel's fragments, front to back.
@@ -139,16 +147,18 @@ impl<T: Real> Walk<'_, T> {
                 self.visit(records, half, scratch, visitor)?;
             }
         } else {
-            let bytes = self.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner);
-            if !self.emit(records, region, (*bytes / each) as usize, scratch) {
+            let mut deep = self.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner);
+            if !self.emit(records, region, (deep.limit / each) as usize, scratch) {
                 return Err(Error::Capacity {
                     what: format!("the fragment list of pixel [{}, {}]", region.y0, region.x0),
-                    needed: each * scratch.keys.len() as u64,
-                    limit: *bytes,
+                    // At most one fragment for each triangle of the tile.
+                    needed: each * records.len() as u64,
+                    limit: deep.limit,
                     advice: "raise memory=, a quarter of which is for this".into(),
                 });
             }
             self.hand_out(region, scratch, visitor);
+            deep.held = deep.held.max(scratch.bytes());
             *scratch = Scratch::default(); // as large as this pixel: not for keeps
         }
         Ok(())

@@ -45,6 +45,8 @@ pub struct Gpu {
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
 
+/// Storage buffers that the stages for long lists bind.
+const STORAGE_BUFFERS: u32 = 12;
 /// What `linked_list` uses where it exists.
 const WANTED: wgpu::Features = wgpu::Features::SHADER_EARLY_DEPTH_TEST.union(wgpu::Features::TIMESTAMP_QUERY);
 
@@ -102,8 +104,8 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
     let flags = adapter.get_downlevel_capabilities().flags;
     let lacks = if !flags.contains(wgpu::DownlevelFlags::FRAGMENT_WRITABLE_STORAGE) {
         Some("storage buffers that fragment shaders can write".to_string())
-    } else if limits.max_storage_buffers_per_shader_stage < 8 {
-        Some("8 storage buffers a shader stage".to_string())
+    } else if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
+        Some(format!("{STORAGE_BUFFERS} storage buffers a shader stage"))
     } else {
         None
     };

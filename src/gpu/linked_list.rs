@@ -3,7 +3,7 @@
 //!
 //! The pool of nodes is never guessed. The counter of the build runs past its capacity, so that one pass
 //! tells the exact demand; what did not fit is rendered again in a larger pool or, past `memory` or the
-//! device's limits, in two halves of its rectangle, down to a tile.
+//! device's limits, in two halves of its rectangle, down to a pixel.
 
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ use super::geometry::Geometry;
 use super::lists::{BandLists, assemble};
 use super::passes::Frame;
 use super::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
-use super::pool::{Budget, DEFAULT_MEMORY, NODE_BYTES, Pool, SCRATCH_BYTES, first_rects};
+use super::pool::{Budget, DEFAULT_MEMORY, Pool, first_rects};
 use super::targets::{read_texture, texture, write_texture};
 use super::uniforms::View;
 use crate::camera::{Camera, ClipRows};
@@ -110,12 +110,7 @@ pub fn render(
             *pool = Pool::new(gpu, pool.pixels, demand)?;
             waiting.push(rect);
         } else {
-            let halves = rect.halves().ok_or_else(|| Error::Capacity {
-                what: format!("the fragments of the tile at [{}, {}]", rect.y0, rect.x0),
-                needed: demand * (NODE_BYTES + SCRATCH_BYTES) + 4 * rect.pixels(),
-                limit: budget.memory,
-                advice: "raise memory=".into(),
-            })?;
+            let halves = rect.halves().ok_or_else(|| budget.exceeded(rect, demand))?;
             waiting.extend(halves.into_iter().rev());
         }
     }

@@ -3,7 +3,7 @@
 
 use super::buffers::storage;
 use super::device::Gpu;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// What heads, nodes and scratch may take together unless `memory=` says otherwise.
 pub const DEFAULT_MEMORY: u64 = 2 << 30;
@@ -11,8 +11,6 @@ pub const DEFAULT_MEMORY: u64 = 2 << 30;
 pub const NODE_BYTES: u64 = 28;
 /// Bytes of scratch for a node of a long list: two entries, each padded to at most twice its number.
 pub const SCRATCH_BYTES: u64 = 16;
-/// Rectangles are not cut below this.
-const MIN_SIDE: u32 = 16;
 
 /// A rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,14 +26,13 @@ impl Rect {
         u64::from(self.w) * u64::from(self.h)
     }
 
-    /// Two halves: bands of rows as long as there are some, then across. `None` for a tile.
+    /// Two halves: bands of rows as long as there are some, then across. `None` for a pixel.
     pub fn halves(&self) -> Option<[Self; 2]> {
-        let half = |side: u32| (side / 2).next_multiple_of(MIN_SIDE).min(side - 1);
-        if self.h > MIN_SIDE {
-            let h = half(self.h);
+        if self.h > 1 {
+            let h = self.h / 2;
             Some([Self { h, ..*self }, Self { y0: self.y0 + h, h: self.h - h, ..*self }])
-        } else if self.w > MIN_SIDE {
-            let w = half(self.w);
+        } else if self.w > 1 {
+            let w = self.w / 2;
             Some([Self { w, ..*self }, Self { x0: self.x0 + w, w: self.w - w, ..*self }])
         } else {
             None
@@ -90,20 +87,36 @@ pub struct Budget {
     pub nodes: u64,
     /// Entries of scratch for long lists.
     pub scratch: u64,
-    pub memory: u64,
+    memory: u64,
+    /// Nodes that the device can bind at once.
+    bindable: u64,
 }
 
 impl Budget {
     pub fn of(gpu: &Gpu, memory: u64) -> Self {
         let binding = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
-        let pixels = (memory / 16).min(binding / 16).max(u64::from(MIN_SIDE * MIN_SIDE));
-        let nodes = (memory - memory / 4) / (NODE_BYTES + SCRATCH_BYTES);
+        let affordable = (memory - memory / 4) / (NODE_BYTES + SCRATCH_BYTES);
+        // Colours take 16 bytes a node, and links are 32 bits.
+        let bindable = (binding / 16).min(u64::from(u32::MAX >> 1));
         Self {
-            pixels,
-            nodes: nodes.min(binding / 16).min(u64::from(u32::MAX >> 1)),
-            scratch: (2 * nodes).max(1024).min(binding / 4),
+            pixels: (memory / 16).min(binding / 16).max(1),
+            nodes: affordable.min(bindable),
+            scratch: (2 * affordable).max(1024).min(binding / 4),
             memory,
+            bindable,
         }
+    }
+
+    /// Why a pixel with `demand` fragments cannot be rendered.
+    pub fn exceeded(&self, rect: Rect, demand: u64) -> Error {
+        let what = format!("the fragments of pixel [{}, {}]", rect.y0, rect.x0);
+        if demand > self.bindable {
+            let advice = "that is what this device binds at once; device=\"cpu\" has no such limit".into();
+            return Error::Capacity { what, needed: 16 * demand, limit: 16 * self.bindable, advice };
+        }
+        // Three quarters of the memory are for nodes and their sorting.
+        let needed = (demand * (NODE_BYTES + SCRATCH_BYTES)).div_ceil(3) * 4;
+        Error::Capacity { what, needed, limit: self.memory, advice: "raise memory=".into() }
     }
 }
 
