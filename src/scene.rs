@@ -1,6 +1,7 @@
 //! Triangles as given: borrowed arrays, mesh after mesh. Primitive ids run over the whole scene.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::real::Real;
@@ -163,22 +164,18 @@ impl<'a> Scene<'a> {
 
     /// Lowest and highest of the positions that faces use, as `along` sees them. Unused vertices, which files
     /// have, must not count. `None` for a scene without triangles.
-    pub fn extent(&self, along: impl Fn(DVec3) -> f64) -> Option<(f64, f64)> {
-        let mut extent: Option<(f64, f64)> = None;
-        for mesh in &self.meshes {
-            for face in 0..mesh.face_count() {
-                for id in mesh.vertex_ids(face) {
-                    let v = along(mesh.positions.get(id));
-                    // Nor those of triangles that float32 rejects.
-                    if v.is_nan() || v.abs() > f64::from(f32::MAX) {
-                        continue;
-                    }
-                    let (low, high) = extent.unwrap_or((v, v));
-                    extent = Some((low.min(v), high.max(v)));
-                }
-            }
-        }
-        extent
+    pub fn extent(&self, along: impl Fn(DVec3) -> f64 + Sync) -> Option<(f64, f64)> {
+        let join = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+        let of_face = |mesh: &Mesh, face: usize| {
+            let corners = mesh.vertex_ids(face).map(|id| along(mesh.positions.get(id)));
+            // Nor do triangles that float32 rejects count.
+            let counts = corners.iter().all(|v| v.abs() <= f64::from(f32::MAX));
+            counts.then(|| corners.map(|v| (v, v)).into_iter().reduce(join)).flatten()
+        };
+        let of_mesh = |mesh: &Mesh| {
+            (0..mesh.face_count()).into_par_iter().filter_map(|face| of_face(mesh, face)).reduce_with(join)
+        };
+        self.meshes.iter().filter_map(of_mesh).reduce(join)
     }
 
     pub fn triangle_count(&self) -> usize {

@@ -112,10 +112,13 @@ def test_what_a_gpu_cannot_bind_at_once_is_rendered_pixel_by_pixel(needs_gpu):
 
 def in_a_fork(pipeline, queue):
     triangles, colors = scenes.random_triangles(50, 0.5, seed=24)
-    frame = pipeline.render(
-        ab.Mesh(triangles, colors=colors), ab.Camera(*scenes.front_camera()), width=32, height=32, fragments=True
-    )
-    queue.put((frame.image, frame.fragments.composite()))
+    try:
+        frame = pipeline.render(
+            ab.Mesh(triangles, colors=colors), ab.Camera(*scenes.front_camera()), width=32, height=32, fragments=True
+        )
+        queue.put((frame.image, frame.fragments.composite()))
+    except ab.DeviceError as error:
+        queue.put(str(error))
 
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # that it is multi-threaded is the point
@@ -130,5 +133,10 @@ def test_a_forked_child_renders_and_composites_as_its_parent_does(pipeline):
     got = queue.get(timeout=60)
     child.join(60)
     assert child.exitcode == 0
+    if isinstance(got, str):  # NVIDIA's driver does not survive a fork: then that is what must be said
+        assert pipeline is GPU
+        assert "fork" in got
+        assert "spawn" in got
+        return
     np.testing.assert_array_equal(got[0], wanted[0])
     np.testing.assert_array_equal(got[1], wanted[1])

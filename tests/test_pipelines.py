@@ -332,7 +332,10 @@ def test_without_a_forced_early_depth_test_the_shader_compares_depths(tmp_path, 
     printed, arrays = [], []
     for without in ("", "SHADER_EARLY_DEPTH_TEST,TIMESTAMP_QUERY"):
         path = tmp_path / f"{len(arrays)}.npz"
-        environment = os.environ | {"ABUFFER_WITHOUT": without, "PYTHONPATH": str(Path(__file__).parent)}
+        environment = os.environ | {
+            "ABUFFER_WITHOUT": without,
+            "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]),
+        }
         run = subprocess.run([sys.executable, "-c", script, path], env=environment, capture_output=True, text=True)
         assert run.returncode == 0, run.stderr
         printed.append(run.stdout)

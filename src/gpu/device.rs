@@ -63,6 +63,8 @@ fn withheld() -> wgpu::Features {
 /// Everything of the process that owns a device. A forked child cannot use its parent's, so it makes its own.
 struct Process {
     id: u32,
+    /// Its parent had devices.
+    forked: bool,
     adapters: Vec<(wgpu::Adapter, Adapter)>,
     devices: Vec<Option<Arc<Gpu>>>,
 }
@@ -71,14 +73,15 @@ static PROCESS: Mutex<Option<Process>> = Mutex::new(None);
 
 fn with_process<R>(use_it: impl FnOnce(&mut Process) -> R) -> R {
     let mut guard = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
-    if guard.as_ref().is_some_and(|p| p.id != std::process::id()) {
+    let forked = guard.as_ref().is_some_and(|p| p.id != std::process::id());
+    if forked {
         std::mem::forget(guard.take()); // its handles belong to the parent
     }
-    use_it(guard.get_or_insert_with(Process::new))
+    use_it(guard.get_or_insert_with(|| Process::new(forked)))
 }
 
 impl Process {
-    fn new() -> Self {
+    fn new(forked: bool) -> Self {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
         descriptor.backends &= BACKENDS;
         let instance = wgpu::Instance::new(descriptor);
@@ -94,7 +97,7 @@ impl Process {
             ["discrete", "integrated", "virtual", "other", "software"].iter().position(|k| *k == a.kind)
         });
         let devices = adapters.iter().map(|_| None).collect();
-        Self { id: std::process::id(), adapters, devices }
+        Self { id: std::process::id(), forked, adapters, devices }
     }
 }
 
@@ -144,7 +147,14 @@ pub fn open(index: usize) -> Result<Arc<Gpu>> {
         {
             return Ok(gpu.clone());
         }
-        let gpu = Arc::new(Gpu::new(adapter, described.clone())?);
+        let opened = Gpu::new(adapter, described.clone()).map_err(|e| match e {
+            Error::Device(why) if process.forked => Error::Device(format!(
+                "{why}. This process was forked from one that had used a GPU, which some drivers do not survive: \
+                 start it with multiprocessing's \"spawn\""
+            )),
+            other => other,
+        });
+        let gpu = Arc::new(opened?);
         *slot = Some(gpu.clone());
         Ok(gpu)
     })

@@ -24,6 +24,7 @@ use crate::error::{Error, Result};
 use crate::fragments::Background;
 use crate::frame::{Lists, Output, Request, Stats, allocate};
 use crate::scene::Scene;
+use crate::threads::threads;
 
 pub fn render(
     gpu: &Gpu,
@@ -47,9 +48,11 @@ pub fn render(
 
     let clock = Instant::now();
     let frame = gpu.checked("uploading the scene", || {
-        let center = camera.center(scene);
-        let rows = camera.clip_rows(center);
-        let view = view_uniform(scene, camera, &rows, request, &background);
+        let (rows, center, view) = threads()?.install(|| {
+            let center = camera.center(scene);
+            let rows = camera.clip_rows(center);
+            (rows, center, view_uniform(scene, camera, &rows, request, &background))
+        });
         let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[view]);
         let geometry = Geometry::upload(gpu, pipelines, scene, &rows, center, &view)?;
         let background_is_texture = hides || matches!(background, Background::Image(_));
