@@ -499,3 +499,68 @@ def test_fit_of_nothing_and_of_a_point_frames_the_unit_sphere():
 def test_fits_that_are_refused_at_once(options, message):
     with pytest.raises(ab.ParameterError, match=message):
         ab.Camera.fit(ab.Scene(), **options)
+
+
+# what a camera must be
+
+
+def matrices_of(kind, linear):
+    """A call that makes a camera whose 4×4 has this upper 3×3."""
+    m = np.eye(4)
+    m[:3, :3], m[:3, 3] = linear, (0.1, 0.2, 0.3)
+    if kind == "view":
+        return lambda: ab.Camera(m, np.diag([1.0, 1, -1, 1]))
+    if kind == "camera_to_world":
+        return lambda: ab.Camera.from_pose(m)
+    return lambda: ab.Camera.from_intrinsics(np.diag([50.0, 50, 1]), m, width=40, height=30)
+
+
+ROTATION = ab.Camera.look_at(EYE, TARGET).view[:3, :3]
+
+
+@pytest.mark.parametrize("kind", ["view", "camera_to_world", "world_to_camera"])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (np.eye(3) * 2.5, r"has the scale 2\.5, .* depth is in world units: divide its first three (columns|rows)"),
+        (np.eye(3) * 1e-200, "has the scale 1e-200"),
+        (np.diag([1.0, 1, 1 + 1e-4]), r"has the scale \(.*1\.0001\), .* by their scales"),
+        (np.diag([1.0, 1, -1]), "is mirrored"),
+        (np.array([(1, 0.1, 0), (0, 1, 0), (0, 0, 1.0)]), "is sheared"),
+    ],
+)
+def test_what_is_no_rotation_is_refused(kind, change, message):
+    linear = ROTATION @ change if kind == "camera_to_world" else change @ ROTATION
+    with pytest.raises(ab.ParameterError, match=f"^{kind} {message}"):
+        matrices_of(kind, linear)()
+
+
+@pytest.mark.parametrize("kind", ["view", "camera_to_world", "world_to_camera"])
+def test_a_rotation_in_float32_is_one(kind):
+    matrices_of(kind, ROTATION.astype(np.float32))()
+    matrices_of(kind, (ROTATION.astype(np.float32) @ ROTATION.astype(np.float32)))()
+
+
+def test_the_scale_is_mended_as_the_message_says():
+    """A pose by its columns; a view, which is its inverse, by its rows with the translation."""
+    camera = ab.Camera.look_at(EYE, TARGET)
+    pose = np.linalg.inv(camera.view)
+    scaled = pose @ np.diag([2.0, 2, 2, 1])
+    mended = scaled.copy()
+    mended[:, :3] /= 2
+    assert_same(ab.Camera.from_pose(mended), camera)
+    view = np.linalg.inv(scaled)
+    view[:3] /= 0.5
+    np.testing.assert_allclose(view, camera.view, **CLOSE)
+
+
+@pytest.mark.parametrize("make", [lambda: ab.Camera.look_at(EYE, TARGET), lambda: ab.Camera.fit(ab.Scene())])
+def test_a_camera_is_read_only(make):
+    camera = make()
+    for field in ("view", "near", "far", "_aspect", "other"):
+        with pytest.raises(AttributeError, match=f"a Camera is read-only: make another with another {field}"):
+            setattr(camera, field, 1)
+    with pytest.raises(AttributeError):
+        del camera._size
+    with pytest.raises(ValueError, match="read-only"):
+        camera.view[0, 0] = 2

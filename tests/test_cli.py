@@ -55,6 +55,17 @@ def test_render_does_what_the_library_does(model, tmp_path):
     np.testing.assert_array_equal(ab.Frame.load(tmp_path / "a.npz").image, expected.image)
 
 
+def test_render_takes_up_field_of_view_colour_and_opaque(model, tmp_path):
+    options = "--up=0,0,1 --fov 30 --color 1,.5,0,.25 --opaque --width 40 --height 30"
+    assert main(["render", model, "-o", str(tmp_path / "a.npz"), *options.split()]) == 0
+    scene = ab.Scene()
+    scene.add(model, color=(1, 0.5, 0, 0.25), opaque=True)
+    camera = ab.Camera.fit(scene, up=(0, 0, 1), fov_y=30)
+    expected = ab.render(scene, camera, width=40, height=30).image
+    assert set(np.unique(expected[..., 3])) == {0, 1}
+    np.testing.assert_array_equal(ab.Frame.load(tmp_path / "a.npz").image, expected)
+
+
 def test_several_models_are_one_scene(model, tmp_path):
     other = tmp_path / "other.obj"
     other.write_text(OBJ.replace(" 0\n", " 1\n"))
@@ -75,6 +86,11 @@ def test_plan_is_printed_on_demand(model, tmp_path, capsys):
 def test_methods_are_printed(capsys):
     assert main(["methods"]) == 0
     assert "exact" in capsys.readouterr().out
+
+
+def test_pipelines_are_printed(capsys):
+    assert main(["pipelines"]) == 0
+    assert "linked_list" in capsys.readouterr().out
 
 
 def test_devices_are_printed(capsys):
@@ -103,6 +119,8 @@ def test_no_command_is_a_usage_error(capsys):
         (["--width", "10"], "give both width and height"),
         (["--background", "red"], "--background must be numbers such as 1,1,1, got 'red'"),
         (["--background", "1,1"], "background must"),
+        (["--up", "z"], "--up must be numbers such as 1,1,1, got 'z'"),
+        (["--up", "0,1"], "up must have shape (3,)"),
         (["--memory", "lots"], "memory must be bytes"),
         (["--alpha", "2"], "alpha must be between 0"),
         (["--fragments", "lists.csv"], "--fragments must end in .npz"),

@@ -149,7 +149,10 @@ def test_lists_that_are_not_sorted_name_the_pixel():
         ({"precision": "double"}, ["'float32', 'float64'", "'double'"]),
         ({"device": 3}, ["device", '"cpu"', "3"]),
         ({"device": None}, ["device", "None"]),
-        ({"cutoff": 0.1}, ["method 'exact'", "no option 'cutoff'"]),
+        (
+            {"cutoff": 0.1},
+            ["render() has no argument 'cutoff'", "method 'exact' no option", "arguments are scene, camera"],
+        ),
         ({"memory": "lots"}, ["memory", '"2GiB"', "'lots'"]),
         ({"memory": "-1GB"}, ["memory", "'-1GB'"]),
         ({"memory": 0}, ["memory", "at least 1 byte", "0"]),
@@ -306,3 +309,75 @@ def test_a_shader_folder_without_that_file_changes_nothing(tmp_path, needs_gpu):
         'print(ab.render(ab.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), width=8, height=8, device="gpu").plan["pipeline"])'
     )
     assert in_another_process(script, ABUFFER_SHADER_DIR=str(tmp_path)) == "linked_list\n"
+
+
+# ---- what is wrong, and what to do about it ----
+
+
+@pytest.mark.parametrize(
+    ("call", "parts"),
+    [
+        (lambda: render(size=8), ["no argument 'size'", "method 'exact' no option", "arguments are scene, camera"]),
+        (lambda: render(widht=8), ["no argument 'widht'", "did you mean 'width'?"]),
+        (lambda: render(background=None), ["background", "got None", "(0, 0, 0, 0) is transparent"]),
+        (lambda: ab.Mesh(np.zeros((5, 3)), np.zeros((3, 5), int)), ["(3, 5)", "transpose it?"]),
+        (lambda: ab.Mesh(CORNERS, [[0, 1, 2, 0]]), ["(1, 4)", "split quads into triangles"]),
+        (lambda: ab.Mesh(CORNERS, cull="none"), ["cull", "did you mean None?"]),
+        (lambda: ab.Scene(np.zeros((3, 3))), ["this ndarray", "wrap it: ab.Mesh(positions, faces)"]),
+        (lambda: ab.Scene((np.zeros((3, 3)), np.zeros((1, 3)))), ["this ndarray", "wrap it: ab.Mesh"]),
+        (lambda: ab.Scene(TRIANGLE).locate(7), ["from 0 to 0, got 7"]),
+        (lambda: ab.Scene(TRIANGLE).locate([3, 7]), ["from 0 to 0, got 3 to 7"]),
+        (lambda: render(fragments=True).fragments[0], ["[y, x]", "got 0"]),
+        (lambda: render(fragments=True).fragments[0, 1, 2], ["[y, x]", "got (0, 1, 2)"]),
+        (lambda: ab.Mesh(CORNERS, colors=(1e39, 0, 0)), ["colors[0]", "1e+39", "float32"]),
+        (lambda: render(background=(0, 0, 4e38)), ["background[2]", "4e+38", "float32"]),
+    ],
+)
+def test_messages_say_what_to_do(call, parts):
+    with pytest.raises(ValueError) as caught:
+        call()
+    assert isinstance(caught.value, ab.AbufferError)
+    assert all(part in str(caught.value) for part in parts), str(caught.value)
+
+
+def test_an_index_that_is_no_integer_is_named():
+    with pytest.raises(TypeError, match=r"integers or slices, got 0\.5"):
+        render(fragments=True).fragments[0.5, 0]
+
+
+def test_the_largest_colours_of_float32_stay_finite():
+    largest = float(np.finfo(np.float32).max)
+    image = render(ab.Mesh(CORNERS, colors=(largest, 0, 0, 0.5)), background=(largest, 0, 0)).image
+    assert np.isfinite(image).all()
+    assert image[..., 0].max() == pytest.approx(largest, rel=1e-6)
+
+
+# ---- arguments of numpy's types ----
+
+
+@pytest.mark.parametrize(
+    "memory", [1e22, 10**400, np.float32(1e9), np.int64(10**9), float("inf"), "9" * 400, "1e9", [1], 0.5, float("nan")]
+)
+def test_memory_of_any_number(memory):
+    if memory in ("1e9", [1], 0.5) or memory != memory:
+        with pytest.raises(ab.ParameterError, match="memory must be"):
+            render(memory=memory)
+    else:
+        assert render(memory=memory).stats.bands == 1
+
+
+@pytest.mark.parametrize("samples", [np.array(1), np.array([1, 2]), "4", 1.5, None, True, np.int64(-1)])
+def test_samples_that_are_refused(samples):
+    with pytest.raises(ab.ParameterError, match="samples must be 1, got"):
+        render(samples=samples)
+
+
+def test_numpys_own_types_are_taken():
+    assert render(samples=np.int64(1), fragments=np.True_).fragments is not None
+    assert render(fragments=np.False_).fragments is None
+    for precision in (np.float64, np.float32, np.dtype("float64")):
+        assert render(precision=precision).image.dtype == precision
+    with pytest.raises(ab.ParameterError, match="'float16'"):
+        render(precision=np.float16)
+    with pytest.raises(ab.UnsupportedError, match="samples must be 1"):
+        render(samples=np.int64(4))

@@ -201,7 +201,9 @@ def test_composite_refuses_what_it_does_not_know():
     frags = FRAME.fragments
     with pytest.raises(ab.ParameterError, match=r"method must be one of .*'exact'"):
         frags.composite("exat")
-    with pytest.raises(ab.ParameterError, match="no option 'k'"):
+    with pytest.raises(
+        ab.ParameterError, match=r"composite\(\) has no argument \'k\' .* arguments are method, background"
+    ):
         frags.composite(k=4)
     with pytest.raises(ab.ParameterError, match=r"background must be grey.*got shape \(2, 2, 4\)"):
         frags.composite(background=np.zeros((2, 2, 4)))
@@ -529,6 +531,16 @@ def test_to_pandas_has_one_row_a_fragment():
     np.testing.assert_array_equal(table.groupby(["y", "x"]).layer.max() + 1, frags.counts[frags.counts > 0])
 
 
+def test_to_pandas_of_a_slice_tells_where_in_the_whole_image():
+    pytest.importorskip("pandas")
+    frags = FRAME.fragments
+    table, crop = frags.to_pandas(), frags[10:20, 15:40]
+    inside = table[table.y.between(10, 19) & table.x.between(15, 39)]
+    assert len(inside) > 50
+    np.testing.assert_array_equal(crop.to_pandas(), inside)
+    assert crop.pixel.max() < 10 * 25  # counted in the slice
+
+
 def test_save_and_load(tmp_path):
     frags = rendered(background=np.random.default_rng(2).random((HEIGHT, WIDTH, 4))).fragments
     for path in (tmp_path / "lists.npz", str(tmp_path / "no ending")):
@@ -554,7 +566,7 @@ def test_saved_lists_keep_their_types(tmp_path):
 
 def test_load_says_what_is_missing(tmp_path):
     np.savez(tmp_path / "other.npz", depth=[1.0])
-    with pytest.raises(ab.SceneError, match=r"holds no fragment lists: color, .* missing"):
+    with pytest.raises(ab.SceneError, match=r"other\.npz\' holds no fragment lists: background, color, .* missing"):
         ab.Fragments.load(tmp_path / "other.npz")
 
 

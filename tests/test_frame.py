@@ -219,3 +219,71 @@ def test_frames_pickle_and_compare_by_identity():
     np.testing.assert_array_equal(other.image, frame.image)
     assert frame == frame
     assert frame != other
+
+
+# the camera
+
+
+def test_the_camera_stays_where_it_was_when_the_scene_grows(tmp_path):
+    scene = ab.Scene(ab.Mesh(TRIANGLES, colors=COLORS))
+    camera = ab.Camera.fit(scene)
+    frame = ab.render(scene, camera, width=32, height=24, device="cpu", precision="float64", fragments=True)
+    before = frame.fragments.points(camera)
+    scene.add(ab.Mesh(TRIANGLES + 100))
+    assert not np.allclose(frame.fragments.points(camera), before)
+    frame.save(tmp_path / "a.npz")
+    for kept in (frame, ab.Frame.load(tmp_path / "a.npz"), pickle.loads(pickle.dumps(frame))):
+        np.testing.assert_array_equal(kept.fragments.points(kept.camera), before)
+        assert ab.render(scene, kept.camera, device="cpu").image.shape == (24, 32, 4)  # its size is the frame's
+
+
+def test_a_frame_keeps_any_camera(tmp_path):
+    k = [[50, 1, 20], [0, 50, 10], [0, 0, 1]]
+    for camera in (
+        ab.Camera.look_at((0, 0, 3), (0, 0, 0), near=0.1, far=9),
+        ab.Camera.orthographic((0, 0, 3), (0, 0, 0), height=3),
+        ab.Camera.from_intrinsics(k, np.eye(4), width=40, height=20),
+    ):
+        frame = ab.render(ab.Scene(), camera, width=40, height=20, device="cpu")
+        frame.save(tmp_path / "a.npz")
+        other = ab.Frame.load(tmp_path / "a.npz").camera
+        for ours, theirs in zip(other.matrices(40, 20), camera.matrices(40, 20), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+        assert (other.near, other.far, other.is_perspective) == (camera.near, camera.far, camera.is_perspective)
+
+
+def test_a_fitted_camera_is_fitted_once_a_render(monkeypatch):
+    fitted = []
+    sphere = ab.Scene.bounding_sphere
+    monkeypatch.setattr(ab.Scene, "bounding_sphere", lambda scene: fitted.append(scene) or sphere(scene))
+    ab.render(ab.Mesh(TRIANGLES), width=8, height=8, device="cpu")
+    assert len(fitted) == 1
+
+
+# files that are not ours
+
+
+@pytest.mark.parametrize("load", [ab.Frame.load, ab.Fragments.load])
+def test_a_file_that_is_not_ours_is_named(tmp_path, load):
+    path = tmp_path / "other.npz"
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    for content in (b"", b"hello", b"PK\x03\x04 broken", (tmp_path / "array.npy").read_bytes()):
+        path.write_bytes(content)
+        with pytest.raises(ab.ParameterError, match=r"other\.npz' is not an \.npz that abuffer saved"):
+            load(path)
+    np.savez(path, a=[1])
+    with pytest.raises(ValueError, match=r"other\.npz' holds no .* missing") as caught:
+        load(path)
+    assert isinstance(caught.value, ab.AbufferError)
+    with pytest.raises(FileNotFoundError):
+        load(tmp_path / "nothing.npz")
+
+
+def test_paths_may_begin_with_the_home_directory(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    frame = rendered(fragments=True)
+    frame.save("~/a.npz")
+    frame.fragments.save("~/b.npz")
+    assert ab.Frame.load("~/a.npz").image.shape == frame.image.shape
+    assert len(ab.Fragments.load("~/b.npz")) == len(frame.fragments)

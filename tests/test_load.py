@@ -129,14 +129,14 @@ def test_an_old_trimesh_is_refused(tmp_path, monkeypatch):
 
 
 def test_missing_file_is_named(tmp_path):
-    with pytest.raises(ab.SceneError, match=r"there is no file .*nowhere\.ply .*PLY, OBJ, STL, OFF, GLB and glTF"):
+    with pytest.raises(ab.SceneError, match=r"there is no file .*nowhere\.ply' .*PLY, OBJ, STL, OFF, GLB and glTF"):
         meshes(tmp_path / "nowhere.ply")
 
 
 def test_unknown_extension_names_the_file_and_the_formats(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("hello")
-    with pytest.raises(ab.SceneError, match=r"cannot read .*notes\.txt .*PLY, OBJ, STL, OFF, GLB and glTF.*txt"):
+    with pytest.raises(ab.SceneError, match=r"cannot read .*notes\.txt' .*PLY, OBJ, STL, OFF, GLB and glTF.*txt"):
         meshes(path)
 
 
@@ -151,7 +151,7 @@ def test_broken_file_is_named(tmp_path, name):
 def test_point_cloud_file_has_nothing_to_draw(tmp_path):
     path = tmp_path / "points.ply"
     trimesh.PointCloud(TRIANGLE).export(path)
-    with pytest.raises(ab.SceneError, match=r"points\.ply has no triangles to draw"):
+    with pytest.raises(ab.SceneError, match=r"points\.ply' has no triangles to draw"):
         meshes(path)
 
 
@@ -503,3 +503,15 @@ def test_shade_true_lights_from_above_left():
     floor = trimesh.Trimesh(np.array(TRIANGLE)[:, [0, 2, 1]], [(0, 1, 2)])
     mesh = one(meshes(floor, color=(1, 1, 1, 0.5), shade=True))
     np.testing.assert_allclose(mesh.colors[:, 0], 0.35 + 0.65 * 0.8 / np.linalg.norm([0.4, 0.8, 0.6]), rtol=1e-6)
+
+
+def test_a_directory_is_said_to_be_one(tmp_path):
+    with pytest.raises(ab.SceneError, match=f"'{tmp_path}' is a directory"):
+        ab.Scene(tmp_path)
+
+
+def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    trimesh.creation.box().export(tmp_path / "box.ply")
+    assert ab.Scene("~/box.ply").triangle_count == 12

@@ -384,3 +384,62 @@ def test_transforms_chain(first, second):
     at_once = mesh.transformed(second @ first)
     # Sums of at most 4 products, twice, of numbers up to 440: a few roundings of each.
     np.testing.assert_allclose(chained.positions, at_once.positions, rtol=0, atol=5000 * 16 * 2**-53)
+
+
+# whose arrays they are
+
+
+def test_a_read_only_view_of_a_writeable_array_is_copied():
+    base = np.array(TRIANGLE)
+    view = base.view()
+    view.flags.writeable = False
+    mesh = ab.Mesh(view)
+    base[0] = np.nan
+    assert np.isfinite(mesh.positions).all()
+    assert ab.render(mesh, width=4, height=4, device="cpu").stats.rejected_triangles == 0
+
+
+def test_a_read_only_array_is_shared_and_so_are_a_meshs_own():
+    given = np.array(TRIANGLE)
+    given.flags.writeable = False
+    mesh = ab.Mesh(given)
+    assert np.shares_memory(mesh.positions, given)
+    assert np.shares_memory(mesh.replaced(alpha=0.5).positions, given)
+    triangles = ab.Mesh(np.array([TRIANGLE]))
+    assert np.shares_memory(triangles.replaced(alpha=0.5).positions, triangles.positions)
+
+
+def test_a_meshs_arrays_cannot_be_made_writeable():
+    mesh = ab.Mesh(np.array([TRIANGLE]), colors=(1, 0, 0))
+    for array in (mesh.positions, mesh.colors):
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.flags.writeable = True
+
+
+def unaligned(array):
+    """The same numbers, one byte off."""
+    array = np.asarray(array)
+    raw = np.zeros(array.nbytes + 1, np.uint8)
+    odd = raw[1:].view(array.dtype).reshape(array.shape)
+    odd[...] = array
+    for each in (raw, odd):
+        each.flags.writeable = False
+    assert not odd.flags.aligned
+    return odd
+
+
+def test_arrays_that_are_not_aligned_or_not_contiguous_do():
+    positions, colors = np.array(SQUARE, np.float64), np.random.default_rng(0).random((4, 4))
+    expected = ab.Mesh(positions, TWO, colors)
+    for change in (unaligned, np.asfortranarray, lambda a: np.repeat(a, 2, axis=1)[:, ::2]):
+        mesh = ab.Mesh(change(positions), change(np.array(TWO)), change(colors))
+        for field in ("positions", "faces", "colors"):
+            array = getattr(mesh, field)
+            assert array.flags.aligned and array.flags.c_contiguous
+            np.testing.assert_array_equal(array, getattr(expected, field))
+    behind = np.random.default_rng(1).random((6, 8, 4))
+    image, odd = (
+        ab.render(ab.Scene(), width=8, height=6, device="cpu", precision="float64", background=b).image
+        for b in (behind, unaligned(behind))
+    )
+    np.testing.assert_array_equal(odd, image)

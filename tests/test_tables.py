@@ -1,6 +1,8 @@
 """What there is to choose from, and how a device is chosen."""
 
 import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -34,6 +36,7 @@ def machine(monkeypatch):
 
     def has(*adapters, environment=None):
         monkeypatch.setattr("abuffer._core.adapters", lambda: [dict(a) for a in adapters])
+        monkeypatch.setattr(tables, "_found", (None, []))
         monkeypatch.delenv("ABUFFER_DEVICE", raising=False)
         if environment is not None:
             monkeypatch.setenv("ABUFFER_DEVICE", environment)
@@ -129,8 +132,30 @@ def test_listing_devices_leaves_the_environment_alone(monkeypatch):
         monkeypatch.delenv("NODEVICE_SELECT", raising=False)
         for key, value in before.items():
             monkeypatch.setenv(key, value)
+        monkeypatch.setattr(tables, "_found", (None, []))
         ab.devices()
         assert {k: v for k, v in os.environ.items() if k == "NODEVICE_SELECT"} == before
+
+
+def test_adapters_are_looked_for_once_a_process_even_from_many_threads(monkeypatch):
+    asked = []
+
+    def slow():
+        asked.append(os.environ.get("NODEVICE_SELECT"))
+        time.sleep(0.05)
+        return [LARGE]
+
+    monkeypatch.delenv("NODEVICE_SELECT", raising=False)
+    monkeypatch.setattr("abuffer._core.adapters", slow)
+    monkeypatch.setattr(tables, "_found", (None, []))
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda _: list(ab.devices()), range(8)))
+    assert found == [["cpu", LARGE["name"]]] * 8
+    assert asked == ["1"]
+    assert "NODEVICE_SELECT" not in os.environ
+    monkeypatch.setattr(os, "getpid", lambda: -1)  # a fork's
+    ab.devices()
+    assert len(asked) == 2
 
 
 # ---- what auto means ----

@@ -1,7 +1,6 @@
 """`abuffer.testing.assert_matches_reference`: what passes, what fails, and what the failure says."""
 
 import builtins
-import warnings
 
 import numpy as np
 import pytest
@@ -303,6 +302,10 @@ def depth_tested(rows):
     return kept[::-1]
 
 
+def centroid_depth(row):
+    return 3 - SCENE.triangles()[row.primitive, :, 2].mean(), -row.primitive  # the eye is at z = 3
+
+
 MISTAKES = {
     "flipped rows": lambda: (right_image()[::-1], {}),
     "flipped columns": lambda: (right_image()[:, ::-1], {}),
@@ -325,6 +328,9 @@ MISTAKES = {
     "back to front swapped": lambda: (relisted(lambda rows: list(rows)[::-1]), {}),
     "depth writes left on": lambda: (relisted(depth_tested), {}),
     "ties swapped": lambda: (relisted(lambda rows: sorted(rows, key=lambda row: (row.key, row.primitive))), {}),
+    "painter's algorithm": lambda: (relisted(lambda rows: sorted(rows, key=centroid_depth)), {}),
+    "values up to 255": lambda: (np.rint(right_image() * 255).astype(np.float32), {}),
+    "values up to 255 of 3": lambda: (with_rgb(right_image(), right_image()[..., :3] * 255), {}),
     "back faces culled": lambda: (rendered([m.replaced(cull="back") for m in SCENE.meshes]).straight, {}),
     "front faces culled": lambda: (rendered([m.replaced(cull="front") for m in SCENE.meshes]).straight, {}),
     "no background": lambda: (right_image(), {"background": WHITE}),
@@ -394,8 +400,20 @@ def test_what_nothing_explains_is_said_to_be_so():
     noise = np.random.default_rng(0).uniform(size=(HEIGHT, WIDTH, 4))
     text = failure(noise)
     assert "what would explain it" not in text
-    assert text.splitlines()[-1].startswith("none of the usual mistakes explains it; tried: ")
-    assert {"half a pixel off", "arrival order", "another background"} <= set(text.split("tried: ")[1].split(", "))
+    *_, nothing, camera = text.splitlines()
+    assert nothing.startswith("none of the usual mistakes explains it; tried: ")
+    assert {"half a pixel off", "arrival order", "another background"} <= set(nothing.split("tried: ")[1].split(", "))
+    assert camera.endswith(": check the camera")
+
+
+@pytest.mark.parametrize("background", [(0, 0, 0, 0), WHITE])
+def test_another_silhouette_says_to_check_the_camera(background):
+    turned = ab.Camera.look_at((2, 1, 2.5), (0.4, 0, 0))
+    seen = rendered(camera=turned, background=background).straight
+    assert failure(seen, background=background).endswith(": check the camera")
+    inside = rendered(background=background).straight
+    inside[..., :3] *= 0.9 * (inside[..., :3] < 1) + (inside[..., :3] == 1)  # other colours, same silhouette
+    assert "check the camera" not in failure(inside, background=background)
 
 
 def test_a_mistake_that_explains_only_half_is_not_named():
@@ -443,13 +461,13 @@ def test_a_camera_must_be_one():
 
 def test_a_16_bit_png_is_refused(tmp_path):
     Image.fromarray(np.zeros((4, 4), np.uint16)).save(tmp_path / "deep.png")
-    with pytest.raises(ab.ParameterError, match=r"deep\.png has 16 bits a channel.*65535"):
+    with pytest.raises(ab.ParameterError, match=r"deep\.png' has 16 bits a channel.*65535"):
         assert_matches_reference(tmp_path / "deep.png", SCENE, CAMERA)
 
 
 def test_what_is_not_a_png_is_refused(tmp_path):
     Image.new("RGB", (4, 4)).save(tmp_path / "a.bmp")
-    with pytest.raises(ab.ParameterError, match=r"a\.bmp is not a PNG"):
+    with pytest.raises(ab.ParameterError, match=r"a\.bmp' is not a PNG"):
         assert_matches_reference(tmp_path / "a.bmp", SCENE, CAMERA)
 
 
@@ -527,8 +545,38 @@ def test_a_wide_edge_band_reaches_all_pixels_in_reach():
     np.testing.assert_array_equal(band, distance < 3.5)
 
 
-def test_an_empty_scene_is_all_background():
-    camera = ab.Camera.look_at((0, 0, 3), (0, 0, 0))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert_matches_reference(np.full((4, 4, 3), 0.25), ab.Scene(), camera, background=0.25)
+# ---- a reference that shows nothing
+
+
+def test_nothing_in_view_fails_even_if_the_image_is_the_background():
+    """A camera_to_world given for a world_to_camera must not pass two empty images."""
+    away = ab.Camera(np.linalg.inv(CAMERA.view), CAMERA.matrices(WIDTH, HEIGHT)[1])
+    blank = np.full((HEIGHT, WIDTH, 3), 0.25)
+    text = failure(blank, SCENE, away, background=0.25)
+    assert text.startswith("no triangle is in view of this camera")
+    assert "check world_to_camera against camera_to_world" in text
+    assert "the scene has no triangles" in failure(blank, ab.Scene(), CAMERA, background=0.25)
+
+
+@pytest.mark.parametrize("look", [{"opaque": True}, {"colors": (1, 1, 1, 0)}])
+def test_an_opaque_or_invisible_surface_is_in_view(look):
+    wall = ab.Mesh(scenes.covering()[0], **look)
+    assert_matches_reference(rendered(wall).straight, wall, CAMERA)
+
+
+def test_a_frame_is_compared_as_it_is():
+    assert_matches_reference(ab.render(SCENE, CAMERA, device="cpu"), SCENE, CAMERA)
+    assert "differs" in failure(rendered(SCENE.meshes[0]))
+
+
+@pytest.mark.parametrize(
+    ("by", "number"),
+    [
+        ("the depth of their nearest corner", lambda corners: 3 - corners[:, 2].max()),
+        ("the distance of their centroid", lambda corners: np.linalg.norm(corners.mean(axis=0) - (0, 0, 3))),
+    ],
+)
+def test_other_ways_to_sort_triangles_are_told_apart(by, number):
+    corners = SCENE.triangles()
+    image = relisted(lambda rows: sorted(rows, key=lambda row: (number(corners[row.primitive]), -row.primitive)))
+    assert f"whole triangles were sorted by {by}" in best(failure(image))

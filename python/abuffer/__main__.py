@@ -50,25 +50,35 @@ def _parser():
     look = render.add_argument_group("look")
     add = look.add_argument
     add("--alpha", type=float, metavar="A", help="multiplies the models' alpha, 0 to 1")
+    add("--color", metavar="COLOR", help="r,g,b or r,g,b,a, 0 to 1, instead of the models' own")
+    add("--opaque", action="store_true", help="draw the models opaque")
     add("--shade", action="store_true", help="Lambert shading")
     add(
         "--background", default="0,0,0,0", metavar="COLOR", help="grey, r,g,b or r,g,b,a, 0 to 1 (default: transparent)"
     )
     add("--azimuth", type=float, default=30.0, metavar="DEGREES", help="of the eye around up (default: 30)")
     add("--elevation", type=float, default=20.0, metavar="DEGREES", help="of the eye over the horizon (default: 20)")
+    add("--up", default="0,1,0", metavar="X,Y,Z", help="the models' up, --up=0,0,1 where it is Z (default: 0,1,0)")
+    add("--fov", type=float, default=45.0, metavar="DEGREES", help="vertical field of view (default: 45)")
     add("--width", type=int, metavar="PIXELS", help="with --height (default: 640x480)")
     add("--height", type=int, metavar="PIXELS")
 
     how = render.add_argument_group("how it is computed")
     add = how.add_argument
     add("--method", default="exact", help="see `abuffer methods` (default: exact)")
-    add("--pipeline", default="auto", help="tiles, linked_list or auto (default)")
-    add("--device", default="auto", help="cpu, gpu, part of a name that `abuffer devices` prints, or auto (default)")
+    add("--pipeline", default="auto", help="see `abuffer pipelines`, or auto (default)")
+    add(
+        "--device",
+        default="auto",
+        help="cpu, gpu (the best adapter), part of a name that `abuffer devices` prints, or auto (default)",
+    )
     add("--precision", default="float32", help="float32 (default) or float64")
     add("--memory", metavar="BYTES", help='limit for lists and scratch, such as "2GiB"')
 
     devices = commands.add_parser("devices", help="print the devices that can render", description="Prints devices.")
     devices.set_defaults(run=lambda _: print(ab.devices()))
+    pipelines = commands.add_parser("pipelines", help="print the pipelines", description="Prints pipelines.")
+    pipelines.set_defaults(run=lambda _: print(ab.pipelines()))
     methods = commands.add_parser("methods", help="print the methods", description="Prints methods.")
     methods.set_defaults(run=lambda _: print(ab.methods()))
     return parser
@@ -78,14 +88,16 @@ def _render(given):
     # What is known to fail at the end had better fail at once.
     output = _writable("--output", given.output, (".png", ".npz"))
     lists = given.fragments and _writable("--fragments", given.fragments, (".npz",))
-    background = _color(given.background)
+    background = _numbers("--background", given.background)
+    color = None if given.color is None else _numbers("--color", given.color)
+    up = _numbers("--up", given.up)
     with _status("rendering"):
         scene = ab.Scene()
         for model in given.models:
-            scene.add(model, alpha=given.alpha, shade=given.shade)
+            scene.add(model, color=color, alpha=given.alpha, opaque=given.opaque or None, shade=given.shade)
         frame = ab.render(
             scene,
-            ab.Camera.fit(scene, azimuth=given.azimuth, elevation=given.elevation),
+            ab.Camera.fit(scene, azimuth=given.azimuth, elevation=given.elevation, up=up, fov_y=given.fov),
             width=given.width,
             height=given.height,
             method=given.method,
@@ -114,12 +126,12 @@ def _writable(option, path, suffixes):
     return path
 
 
-def _color(text):
-    """ "r,g,b" as numbers; how many there may be is for render to say."""
+def _numbers(option, text):
+    """ "r,g,b" as numbers; how many there may be is for the library to say."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        raise ab.ParameterError(f"--background must be numbers such as 1,1,1, got {text!r}") from None
+        raise ab.ParameterError(f"{option} must be numbers such as 1,1,1, got {text!r}") from None
     return numbers[0] if len(numbers) == 1 else numbers
 
 

@@ -1,10 +1,13 @@
 """Checks of arguments, shared by everything that takes arrays."""
 
 import difflib
+import os
 
 import numpy as np
 
 from .errors import ParameterError, SceneError
+
+FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def choice(name, value, valid):
@@ -12,8 +15,9 @@ def choice(name, value, valid):
     valid = list(valid)
     if (value is None or isinstance(value, str)) and value in valid:
         return value
-    near = difflib.get_close_matches(str(value), [str(v) for v in valid], 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    by_text = {str(v): v for v in valid}
+    near = difflib.get_close_matches(str(value), by_text, 1)
+    hint = f"; did you mean {by_text[near[0]]!r}?" if near else ""
     raise ParameterError(f"{name} must be one of {', '.join(map(repr, valid))}, got {value!r}{hint}")
 
 
@@ -24,14 +28,27 @@ def flag(name, value):
     return bool(value)
 
 
-def options(given, known, of, arguments=()):
-    """Raises a ParameterError if `given` has a name that is not in `known`; `arguments` may have been meant too."""
+def arguments(function, given, known, of, own):
+    """Raises a ParameterError if a name in `given` is no option of `of`: it may as well be a misspelt argument.
+
+    Args:
+        known: the options of `of`.
+        own: the arguments of `function`.
+    """
     for name in given:
         if name not in known:
-            near = difflib.get_close_matches(name, [*known, *arguments], 1)
+            near = difflib.get_close_matches(name, [*known, *own], 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            valid = f"its options are {', '.join(known)}" if known else "it has none"
-            raise ParameterError(f"{of} has no option {name!r}: {valid}{hint}")
+            options = f"; options are {', '.join(known)}" if known else ""
+            raise ParameterError(
+                f"{function}() has no argument {name!r} and {of} no option of that name{hint}; "
+                f"arguments are {', '.join(own)}{options}"
+            )
+
+
+def path(value):
+    """`value` as open() takes it, with ~ for the home directory."""
+    return os.path.expanduser(value) if isinstance(value, (str, os.PathLike)) else value
 
 
 def number(name, value, low=-np.inf, high=np.inf, *, open_ends=False):
@@ -81,17 +98,28 @@ def affine(name, value):
     return m
 
 
+def _is_constant(values):
+    """Whether `values` is a read-only array, and so is everything that it is a view of."""
+    while isinstance(values, np.ndarray) and not values.flags.writeable:
+        if values.base is None:
+            return True
+        values = values.base
+    return False
+
+
 def array_of_numbers(name, values, kinds, error=SceneError):
-    """`values` as an array that is ours: what becomes of the caller's later does not show. `kinds`: of dtypes."""
-    shared = isinstance(values, np.ndarray) and not values.flags.writeable  # a mesh's own, say
+    """`values` as an array that is ours: what becomes of the caller's later does not show. `kinds`: of dtypes.
+
+    Contiguous and aligned, as the core reads it.
+    """
     try:
-        array = np.asarray(values) if shared else np.array(values)
+        array = np.asarray(values) if _is_constant(values) else np.array(values)  # constant: a mesh's own, say
     except (TypeError, ValueError) as e:
         raise error(f"{name} is not an array: {e}") from None
     if array.dtype.kind not in kinds:
         what = "numbers" if "f" in kinds else "integers"
         raise error(f"{name} must be {what}, got dtype {array.dtype}")
-    return array
+    return np.require(array, requirements=["C", "A"])
 
 
 def floats(array):
@@ -133,11 +161,15 @@ def straight_rgba(name, values, error=SceneError):
     bad = ~((array >= 0) & (array < np.inf))  # NaN is neither
     bad[..., 3] |= array[..., 3] > 1
     first_bad(name, bad, array, "RGB must be finite and at least 0, alpha in [0, 1]", error)
+    # In float32, which most renders compute in, more would be infinite.
+    first_bad(name, array > FLOAT32_MAX, array, f"RGB must be at most {FLOAT32_MAX:.4g}, float32's largest", error)
     return np.ascontiguousarray(array)
 
 
 def background(value, shape):
     """A background as straight RGBA, (4,) or (H, W, 4): grey, (3|4,) or (H, W, 3|4) given."""
+    if value is None:
+        raise ParameterError("background must be grey, (3|4,) or (H, W, 3|4), got None: (0, 0, 0, 0) is transparent")
     array = array_of_numbers("background", value, "fiub", ParameterError)
     array = straight_rgba("background", np.repeat(array, 3) if array.ndim == 0 else array, ParameterError)
     if array.ndim != 1 and array.shape != (*shape, 4):
@@ -148,7 +180,11 @@ def background(value, shape):
 
 
 def frozen(array):
-    """A view of `array` that cannot be written through."""
+    """A view of `array` that cannot be written through. Nor can `array`, which must be ours, or what it views."""
+    base = array
+    while isinstance(base, np.ndarray):
+        base.flags.writeable = False
+        base = base.base
     view = array.view()
     view.flags.writeable = False
     return view

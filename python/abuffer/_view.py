@@ -5,10 +5,35 @@ import numpy as np
 from . import _check
 from .errors import ParameterError
 
+RIGID = 1e-5  # how far a rotation times its transpose may be from the identity: poses printed to six decimals pass
 
-def check_invertible(name, m):
-    if abs(np.linalg.det(m[:3, :3])) < 1e-12 * max(np.abs(m[:3, :3]).max(), 1e-300) ** 3:
+
+def check_rigid(name, m, *, is_pose=False):
+    """Raises a ParameterError unless the upper 3×3 of `m` is a rotation.
+
+    In a scaled camera depth would not be in world units. A pose is scaled by its columns; its inverse, a view, by
+    its rows, translation included.
+    """
+    scale = np.abs(m[:3, :3]).max() or 1.0
+    linear = m[:3, :3] / scale  # powers of a scale would leave the float range
+    if abs(np.linalg.det(linear)) < 1e-12:
         raise ParameterError(f"{name} is singular: {m.tolist()}")
+    lengths = np.linalg.norm(linear, axis=0 if is_pose else 1)
+    unit = linear / lengths if is_pose else linear / lengths[:, None]
+    if np.abs(unit @ unit.T - np.eye(3)).max() > RIGID:
+        raise ParameterError(f"{name} is sheared, it must be a rotation and a translation: {m.tolist()}")
+    if np.linalg.det(unit) < 0:
+        hint = "negate one axis, or mirror the scene with transform="
+        raise ParameterError(f"{name} is mirrored, it must be a rotation and a translation: {hint}")
+    lengths *= scale
+    if np.abs(lengths - 1).max() > RIGID / 2:  # whose squares are off by twice as much
+        alike = np.ptp(lengths) <= RIGID * lengths.max()
+        found = f"{lengths[0]:.9g}" if alike else f"({', '.join(f'{v:.9g}' for v in lengths)})"
+        part = "columns" if is_pose else "rows, translation included,"
+        raise ParameterError(
+            f"{name} has the scale {found}, it must be a rotation and a translation, since depth is in world units: "
+            f"divide its first three {part} by {'the scale' if alike else 'their scales'}"
+        )
 
 
 def looking(eye, target, up):

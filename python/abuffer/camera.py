@@ -5,24 +5,24 @@ import warnings
 import numpy as np
 
 from . import _check
-from ._view import check_invertible, clip_depths, looking, turn_y_to
+from ._view import check_rigid, clip_depths, looking, turn_y_to
 from .errors import ParameterError
 
 
 class Camera:
-    """A view and a projection.
+    """A view and a projection. Checked once, here; read-only afterwards.
 
     The world is right-handed. The eye looks along −Z with Y up (OpenGL axes); depth is the distance from the
     eye along that axis, in world units. Matrices multiply columns: ``clip = projection @ view @ position``.
     Pixel [y, x] has its centre at (x + .5, y + .5); row 0 is on top.
 
     Args:
-        view: (4, 4) world to eye.
+        view: (4, 4) world to eye: a rotation and a translation, since depth is in world units.
         projection: (4, 4) eye to clip, y up. Its last row is (0, 0, −1, 0), a perspective, or (0, 0, 0, 1).
         clip_z: the clip-space z over w of the near and the far plane: (0, 1), or (-1, 1) for OpenGL.
 
     Raises:
-        ParameterError: a matrix of another kind (transposed, looking along +Z, oblique), or degenerate.
+        ParameterError: a matrix of another kind (transposed, scaled, looking along +Z, oblique), or degenerate.
 
     >>> camera = Camera.look_at((0, 0, 3), (0, 0, 0))
     >>> xy, depth = camera.project([[0, 0, 1]], 200, 100)
@@ -32,7 +32,8 @@ class Camera:
 
     def __init__(self, view, projection, *, clip_z=(0, 1)):
         projection = _check.matrix("projection", projection)
-        self._set_view(view)
+        view = _check.affine("view", view)
+        check_rigid("view", view)
         last = projection[3]
         if tuple(last) not in ((0, 0, -1, 0), (0, 0, 0, 1)):
             forwards = last[2] > 0 and not last[[0, 1, 3]].any()
@@ -45,11 +46,10 @@ class Camera:
         x, y = projection[0, :3], projection[1, :3]
         if not (np.abs(x[:2]).any() and np.abs(y[:2]).any()) or abs(x[0] * y[1] - x[1] * y[0]) == 0:
             raise ParameterError("projection maps all points to one line of the image")
-        self._xy = projection[:2].copy()
-        self._perspective = projection[3, 2] != 0
-        self._aspect = np.linalg.norm(y[:2]) / np.linalg.norm(x[:2])
-        self._size = None
-        self.near, self.far = clip_depths(projection[2], clip_z, self._perspective)
+        perspective = bool(projection[3, 2] != 0)
+        near, far = clip_depths(projection[2], clip_z, perspective)
+        aspect = float(np.linalg.norm(y[:2]) / np.linalg.norm(x[:2]))
+        self._set(view, projection[:2], perspective, near, far, aspect)
 
     @classmethod
     def look_at(cls, eye, target, up=(0, 1, 0), *, fov_y=45.0, near=None, far=None):
@@ -66,17 +66,17 @@ class Camera:
     def orthographic(cls, eye, target, up=(0, 1, 0), *, height, near=None, far=None):
         """A parallel projection. `height`: world units from the image's bottom to its top."""
         height = _check.number("height", height, 0, open_ends=True)
-        camera = cls.__new__(cls)
-        camera._set_view(looking(eye, target, up))
-        camera._xy = np.array([[2 / height, 0, 0, 0], [0, 2 / height, 0, 0]])
-        camera._set_lens(perspective=False, near=near, far=far)
-        return camera
+        xy = np.array([[2 / height, 0, 0, 0], [0, 2 / height, 0, 0]])
+        return cls._made(looking(eye, target, up), xy, False, *_cuts(False, near, far))
 
     @classmethod
     def from_pose(cls, camera_to_world, *, fov_y=45.0, near=None, far=None):
-        """A perspective from a (4, 4) pose in OpenGL axes: its columns are right, up, backwards, position."""
+        """A perspective from a (4, 4) pose in OpenGL axes: its columns are right, up, backwards, position.
+
+        The first three have length 1.
+        """
         pose = _check.affine("camera_to_world", camera_to_world)
-        check_invertible("camera_to_world", pose)
+        check_rigid("camera_to_world", pose, is_pose=True)
         return cls._perspective_of(np.linalg.inv(pose), _fov(fov_y), near, far)
 
     @classmethod
@@ -85,7 +85,7 @@ class Camera:
 
         Args:
             K: (3, 3) intrinsics in pixels of an image of `width` × `height`.
-            world_to_camera: (3, 4) or (4, 4) extrinsics.
+            world_to_camera: (3, 4) or (4, 4) extrinsics: a rotation and a translation.
             pixel_center: the coordinate of the first pixel's centre in K's convention: 0 for OpenCV,
                 0.5 for COLMAP and PyTorch3D.
         """
@@ -97,19 +97,18 @@ class Camera:
         given = _check.matrix("world_to_camera", world_to_camera, ((3, 4), (4, 4)))
         extrinsics[: len(given)] = given
         shift = 0.5 - _check.number("pixel_center", pixel_center)
-        camera = cls.__new__(cls)
-        camera._set_view(np.diag([1.0, -1.0, -1.0, 1.0]) @ extrinsics, "world_to_camera")
+        extrinsics = _check.affine("world_to_camera", extrinsics)
+        check_rigid("world_to_camera", extrinsics)
         # x = fx X/Z + s Y/Z + cx with Y = −y_eye, Z = −z_eye, then to NDC; the last row makes w = −z_eye.
         cx, cy = k[0, 2] + shift, k[1, 2] + shift
-        camera._xy = np.array(
+        xy = np.array(
             [
                 [2 * k[0, 0] / width, -2 * k[0, 1] / width, 1 - 2 * cx / width, 0],
                 [0, 2 * k[1, 1] / height, 2 * cy / height - 1, 0],
             ]
         )
-        camera._set_lens(perspective=True, near=near, far=far)
-        camera._aspect, camera._size = width / height, (width, height)
-        return camera
+        view = np.diag([1.0, -1.0, -1.0, 1.0]) @ extrinsics
+        return cls._made(view, xy, True, *_cuts(True, near, far), width / height, (width, height))
 
     @classmethod
     def fit(cls, scene, *, azimuth=30.0, elevation=20.0, up=(0, 1, 0), fov_y=45.0, margin=1.05):
@@ -183,7 +182,7 @@ class Camera:
             near = camera.near or 0.0
             depth = 1e9 if camera.far is None else camera.far - near
             projection[2, 2:], projection[3, 3] = (-1 / depth, -near / depth), 1
-        return camera.view.copy(), projection
+        return camera._view.copy(), projection
 
     def _parts(self, width, height):
         """As the core takes it."""
@@ -195,46 +194,72 @@ class Camera:
     def is_perspective(self) -> bool:
         return bool(self._perspective)
 
+    @property
+    def view(self) -> np.ndarray:
+        """(4, 4) world to eye."""
+        return _check.frozen(self._view)
+
+    @property
+    def near(self):
+        """The eye depth before which nothing is drawn. None: nothing in front of the eye is cut."""
+        return self._near
+
+    @property
+    def far(self):
+        """The eye depth behind which nothing is drawn. None: nothing is cut."""
+        return self._far
+
     def _at(self, width, height):
-        """The camera for an image of this size."""
-        return self
+        """The camera for an image of this size, which becomes its own."""
+        return Camera._made(**(self._fields() | {"size": (width, height)}))
 
     @classmethod
     def _perspective_of(cls, view, fov_y, near, far):
-        camera = cls.__new__(cls)
-        camera._set_view(view)
         focal = 1 / np.tan(np.radians(fov_y) / 2)
-        camera._xy = np.array([[focal, 0, 0, 0], [0, focal, 0, 0]])
-        camera._set_lens(perspective=True, near=near, far=far)
+        return cls._made(view, np.array([[focal, 0, 0, 0], [0, focal, 0, 0]]), True, *_cuts(True, near, far))
+
+    @classmethod
+    def _made(cls, *fields, **more):
+        """From what is known to be sound: see `_set`."""
+        camera = cls.__new__(cls)
+        camera._set(*fields, **more)
         return camera
 
-    def _set_view(self, view, name="view"):
-        self.view = _check.affine(name, view)
-        check_invertible(name, self.view)
+    def _set(self, view, xy, perspective, near, far, aspect=None, size=None):
+        """The only place that sets anything. `xy`: the projection's first two rows; aspect None: any, square pixels."""
+        vars(self).update(
+            _view=np.array(view, dtype=np.float64),
+            _xy=np.array(xy, dtype=np.float64),
+            _perspective=perspective,
+            _near=near,
+            _far=far,
+            _aspect=aspect,
+            _size=None if size is None else tuple(size),
+        )
 
-    def _set_lens(self, *, perspective, near, far):
-        """For square pixels and any aspect; near and far are eye depths."""
-        low = 0.0 if perspective else -np.inf
-        near = None if near is None else _check.number("near", near, low, open_ends=perspective)
-        endless = far is None or (np.isscalar(far) and far == np.inf)
-        far = None if endless else _check.number("far", far, low, open_ends=perspective)
-        if far is not None and far <= (near or 0.0):
-            raise ParameterError(f"far must be beyond near, got near={near} far={far}")
-        self.near, self.far = near, far
-        self._perspective, self._aspect, self._size = perspective, None, None
+    def _fields(self):
+        """The arguments of `_made`."""
+        return {name: getattr(self, f"_{name}") for name in FIELDS}
+
+    def __setattr__(self, field, value=None):
+        raise AttributeError(f"a Camera is read-only: make another with another {field}")
+
+    __delattr__ = __setattr__
 
     def __repr__(self):
         kind = "perspective" if self._perspective else "orthographic"
         return f"Camera({kind}, near={self.near}, far={self.far})"
 
 
+FIELDS = ("view", "xy", "perspective", "near", "far", "aspect", "size")
+
+
 class _FittedCamera(Camera):
     """A camera that waits for the scene to be complete and the image's size to be known."""
 
     def __init__(self, scene, azimuth, elevation, up, fov_y, margin):
-        self._fit = scene, azimuth, elevation, up, fov_y, margin
-        self._size = self._aspect = None
-        self._perspective, self.near, self.far = True, None, None
+        vars(self).update(_fit=(scene, azimuth, elevation, up, fov_y, margin))
+        vars(self).update(_size=None, _aspect=None, _perspective=True, _near=None, _far=None)
 
     def _at(self, width, height):
         scene, azimuth, elevation, up, fov_y, margin = self._fit
@@ -247,7 +272,7 @@ class _FittedCamera(Camera):
         eye = center + turn @ towards_eye * (margin * radius / np.sin(smaller))
         # Straight down, the horizon is up: the derivative of the direction with the elevation.
         top = turn @ np.array([-np.sin(a) * np.sin(e), np.cos(e), -np.cos(a) * np.sin(e)])
-        return Camera._perspective_of(looking(eye, center, top), fov_y, None, None)
+        return Camera._perspective_of(looking(eye, center, top), fov_y, None, None)._at(width, height)
 
     @property
     def view(self):
@@ -255,6 +280,17 @@ class _FittedCamera(Camera):
 
     def __repr__(self):
         return "Camera.fit(...)"
+
+
+def _cuts(perspective, near, far):
+    """near and far as given to a constructor, checked: eye depths or None."""
+    low = 0.0 if perspective else -np.inf
+    near = None if near is None else _check.number("near", near, low, open_ends=perspective)
+    endless = far is None or (np.isscalar(far) and far == np.inf)
+    far = None if endless else _check.number("far", far, low, open_ends=perspective)
+    if far is not None and far <= (near or 0.0):
+        raise ParameterError(f"far must be beyond near, got near={near} far={far}")
+    return near, far
 
 
 def _size(name, value):

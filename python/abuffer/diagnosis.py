@@ -16,11 +16,12 @@ ROUNDING = 1e-9  # of these comparisons' own float64 arithmetic: a difference of
 
 
 class Rendering(NamedTuple):
-    """One reference: premultiplied image (H, W, 4), its lists, and which pixels it can vouch for, (H, W) bool."""
+    """One reference: premultiplied image (H, W, 4), its lists, and two (H, W) bool."""
 
     image: np.ndarray
     fragments: Any
-    compared: np.ndarray
+    compared: np.ndarray  # pixels that it can vouch for
+    shown: np.ndarray  # pixels that show geometry
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def explanations(case) -> tuple[list[Explanation], list[str]]:
     """What explains the image, best first, and the names of all that was tried."""
     original = _residual(case, case.form.of_image(case.pixels), _reference(case), case.rendering.compared)[0]
     found, tried = [], []
-    for family in (_layouts, _alphas, _transfers, _orders, _faces, _backgrounds, _shifts):
+    for family in (_layouts, _ranges, _alphas, _transfers, _orders, _faces, _backgrounds, _shifts):
         if family is _shifts and any(explanation.share == 0 for *_, explanation in found):
             break  # eight more references, of which none can do better
         for hypothesis in family(case):
@@ -118,6 +119,16 @@ def explanations(case) -> tuple[list[Explanation], list[str]]:
                 rank = round(share, 9), round(rmse / max(case.tolerance, ROUNDING), 2)
                 found.append((rank, len(found), Explanation(hypothesis.name, hypothesis.what, share)))
     return [explanation for *_, explanation in sorted(found)], list(dict.fromkeys(tried))
+
+
+def silhouette_off(case) -> float:
+    """Of the compared pixels in which the image or the reference is not background, the share where only one is not."""
+    empty = case.form.of_reference(case.another(scene=Scene()))
+    ours, theirs = (
+        is_off(difference(image, empty), case.tolerance) & case.rendering.compared
+        for image in (_reference(case), case.form.of_image(case.pixels))
+    )
+    return float((ours ^ theirs).sum() / max((ours | theirs).sum(), 1))
 
 
 def decode_srgb(encoded):
@@ -152,9 +163,23 @@ def _layouts(case):
         yield Hypothesis(name, what, case.form.of_image(moved), candidate, case.rendering.compared)
 
 
+def _ranges(case):
+    """Floats that run to 255. Twice white is no evidence yet: it may be a highlight."""
+    pixels = case.pixels
+    if case.form.clipped or pixels.max() <= 2 or case.rendering.image.max() > 1 + ROUNDING:
+        return
+    scale = np.full(pixels.shape[-1], 255.0)
+    if pixels.shape[-1] == 4 and pixels[..., 3].max() <= 1:
+        scale[3] = 1  # only the colours do
+    what = "the image's floats run from 0 to 255: divide by 255, or give uint8"
+    yield Hypothesis(
+        "values up to 255", what, case.form.of_image(pixels / scale), _reference(case), case.rendering.compared
+    )
+
+
 def _alphas(case):
     """Alpha multiplied in once too often, or not at all: in the image, or while blending."""
-    form, (image, frags, compared) = case.form, case.rendering
+    form, (image, frags, compared, _) = case.form, case.rendering
     given = form.of_image(case.pixels)
     if form.channels == 4:
         other = replace(form, premultiplied=not form.premultiplied)
@@ -184,7 +209,7 @@ def _alphas(case):
 
 def _transfers(case):
     """sRGB encoded or decoded at another place."""
-    form, (image, frags, compared) = case.form, case.rendering
+    form, (image, frags, compared, _) = case.form, case.rendering
     given = form.of_image(case.pixels)
     plain, encoded = replace(form, srgb=False), replace(form, srgb=True)
     if form.srgb:
@@ -211,7 +236,7 @@ def _transfers(case):
 
 def _orders(case):
     """The reference's own fragments in other orders, or some of them lost."""
-    form, (_, frags, compared) = case.form, case.rendering
+    form, (_, frags, compared, _) = case.form, case.rendering
     pixel, key, primitive = frags.pixel, frags.key, frags.primitive.astype(np.int64)
     place = np.arange(len(frags))
     first_first, last_first = np.lexsort((primitive, pixel)), np.lexsort((-primitive, pixel))
@@ -237,9 +262,27 @@ def _orders(case):
             f"{one_left} the first submitted was kept",
             place[~np.append(tied, False)[: len(place)]],
         ),
+        *(
+            (
+                "painter's algorithm",
+                f"whole triangles were sorted by {by}, not fragments by depth",
+                np.lexsort((-primitive, depths[primitive], pixel)),
+            )
+            for by, depths in _triangle_depths(case)
+        ),
     ):
         candidate = form.of_reference(_relisted(frags, taken).composite())
         yield Hypothesis(name, what, form.of_image(case.pixels), candidate, compared)
+
+
+def _triangle_depths(case):
+    """What renderers that sort triangles go by: its name, and one number a primitive."""
+    height, width = case.pixels.shape[:2]
+    view = case.camera._at(width, height).view
+    eye = case.scene.triangles() @ view[:3, :3].T + view[:3, 3]
+    yield "the depth of their centroid", -eye.mean(axis=1)[:, 2]
+    yield "the distance of their centroid", np.linalg.norm(eye.mean(axis=1), axis=1)
+    yield "the depth of their nearest corner", -eye[..., 2].max(axis=1)
 
 
 def _depth_tested(submitted, pixel):
@@ -296,13 +339,10 @@ def _shifts(case):
 
 def shifted(camera, x, y, width, height) -> Camera:
     """A camera whose images of this size lie x pixels further right and y pixels further down."""
-    parts = camera._parts(width, height)
-    projection = parts["projection"].copy()
-    projection[:2] += np.outer((2 * x / width, -2 * y / height), projection[3])
-    result = Camera(parts["view"], projection)
-    # The matrix has no "nothing is cut", and with skew it does not tell the aspect.
-    result.near, result.far, result._aspect = parts["near"], parts["far"], width / height
-    return result
+    camera = camera._at(width, height)
+    _, projection = camera.matrices(width, height)
+    xy = projection[:2] + np.outer((2 * x / width, -2 * y / height), projection[3])
+    return Camera._made(**(camera._fields() | {"xy": xy, "aspect": width / height}))
 
 
 def _recolored(frags, transfer):

@@ -104,7 +104,7 @@ class Fragments:
 
     @property
     def pixel(self) -> np.ndarray:
-        """The pixel of each fragment, y·W + x, (F,) int64."""
+        """The pixel of each fragment, y·W + x, (F,) int64; of a slice, counted in the slice."""
         return np.repeat(np.arange(len(self.offsets) - 1), np.diff(self.offsets))
 
     @property
@@ -121,7 +121,7 @@ class Fragments:
 
     def __getitem__(self, index):
         if not (isinstance(index, tuple) and len(index) == 2):
-            raise ParameterError("index with [y, x] or [y0:y1, x0:x1]")
+            raise ParameterError(f"index with [y, x] or [y0:y1, x0:x1], got {index!r}")
         if any(isinstance(i, slice) for i in index):
             return self._cropped(index)
         y, x = (_wrapped(i, n) for i, n in zip(index, self.shape, strict=True))
@@ -164,10 +164,11 @@ class Fragments:
 
         Args:
             method: one of `abuffer.methods()`.
-            background: straight, grey, (3|4,) or (H, W, 3|4). None: the lists' own.
+            background: straight, grey, (3|4,) or (H, W, 3|4). None: the lists' own, with the opaque surfaces that
+                are not in the lists; any other replaces those too, unless render got fragments="all".
         """
         _check.choice("method", method, METHODS)
-        _check.options(options, (), f"method {method!r}")
+        _check.arguments("composite", options, (), f"method {method!r}", ("method", "background"))
         background = self.background if background is None else as_background(background, self.shape)
         image = np.ascontiguousarray(np.broadcast_to(background, (*self.shape, 4)), dtype=np.float64)
         return _core.composite(self.offsets, self.color, image).reshape(*self.shape, 4)
@@ -220,26 +221,29 @@ class Fragments:
         return view, projection, (centers / (width, height) - 0.5) * (2, -2)
 
     def to_pandas(self):
-        """A table, one row a fragment: y, x, layer (0 in front), depth, r, g, b, a, primitive."""
+        """A table, one row a fragment: y, x, layer (0 in front), depth, r, g, b, a, primitive.
+
+        y and x are those of the whole image, also where the lists are a slice of it.
+        """
         try:
             import pandas as pd
         except ImportError as e:
             raise UnsupportedError("to_pandas needs pandas: pip install pandas") from e
         y, x = np.divmod(self.pixel, self.shape[1])
-        columns = {"y": y, "x": x, "layer": self.layer, "depth": self.depth}
+        y0, x0, *_ = self._window
+        columns = {"y": y + y0, "x": x + x0, "layer": self.layer, "depth": self.depth}
         columns |= dict(zip("rgba", self.color.T, strict=True)) | {"primitive": self.primitive}
         return pd.DataFrame(columns)
 
     def save(self, path):
         """Writes an .npz that `load` reads."""
-        with open(path, "wb") as file:  # numpy would add an ending to the name
+        with open(_check.path(path), "wb") as file:  # numpy would add an ending to the name
             np.savez_compressed(file, **self._arrays())
 
     @classmethod
     def load(cls, path):
         """Reads what `save` wrote."""
-        with np.load(path, allow_pickle=False) as arrays:
-            return cls._from_arrays(arrays)
+        return cls._from_arrays(read_npz(path), path)
 
     def _arrays(self):
         uniform = (self.background == self.background[:1, :1]).all() if self.background.size else False
@@ -256,14 +260,26 @@ class Fragments:
         }
 
     @classmethod
-    def _from_arrays(cls, arrays):
-        missing = {"shape", "offsets", "depth", "key", "color", "primitive"} - set(arrays)
+    def _from_arrays(cls, arrays, path):
+        wanted = {"shape", "offsets", "depth", "key", "color", "primitive", "background", "window"}
+        missing = wanted - set(arrays)
         if missing:
-            raise SceneError(f"the file holds no fragment lists: {', '.join(sorted(missing))} missing")
+            raise SceneError(f"{str(path)!r} holds no fragment lists: {', '.join(sorted(missing))} missing")
         fields = {f: arrays[f] for f in ("offsets", "depth", "color", "key", "primitive", "background")}
         self = cls(tuple(arrays["shape"]), **fields)
         self._window = tuple(int(v) for v in arrays["window"])
         return self
+
+
+def read_npz(path) -> dict:
+    """The arrays of an .npz. Only what the system refuses, a missing file say, stays an OSError."""
+    try:
+        with open(_check.path(path), "rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return dict(arrays)
+    except (OSError, MemoryError):
+        raise
+    except Exception as e:  # numpy's, zipfile's and zlib's, whichever notices first
+        raise ParameterError(f"{str(path)!r} is not an .npz that abuffer saved") from e
 
 
 def _integers(name, values, dtype):
@@ -283,7 +299,10 @@ def _orderable(depth):
 
 
 def _wrapped(index, n):
-    i = operator.index(index)
+    try:
+        i = operator.index(index)
+    except TypeError:
+        raise TypeError(f"index with integers or slices, got {index!r}") from None
     if not -n <= i < n:
         raise IndexError(f"index {i} is out of range for {n}")
     return i % n

@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from . import _core
+from . import _check, _core
 from ._srgb import encode_srgb
+from .camera import Camera
 from .errors import ParameterError
-from .fragments import Fragments, as_background
+from .fragments import Fragments, as_background, read_npz
 
 __all__ = ["Frame", "Plan", "Stats", "encode_srgb"]
 
@@ -55,10 +56,12 @@ class Frame:
 
     Attributes:
         image: (H, W, 4) float32, or float64 if asked for; row 0 on top, premultiplied, over the background.
-        counts: (H, W) int32 fragments a pixel, None if not asked for.
-        fragments: the lists, None if not asked for.
+        counts: (H, W) int32 fragments a pixel, None unless render got fragments=True, "all" or "count".
+        fragments: the lists, None unless render got fragments=True or "all".
         stats: what was measured.
         plan: what was chosen, and why.
+        camera: what it was seen by, of this image's size; later changes of a scene that `Camera.fit` looked at
+            do not move it.
     """
 
     image: np.ndarray
@@ -66,6 +69,7 @@ class Frame:
     fragments: Fragments | None
     stats: Stats
     plan: Plan
+    camera: Camera | None = None
 
     def __repr__(self):
         height, width = self.image.shape[:2]
@@ -109,7 +113,7 @@ class Frame:
 
     def save(self, path, *, srgb=False, background=None):
         """Writes a .png (see `to_uint8`) or an .npz with everything, which `load` reads."""
-        path = os.fspath(path)
+        path = _check.path(path)
         ending = os.path.splitext(path)[1].lower()
         if ending == ".png":
             png = _core.encode_png(self.to_uint8(srgb, background))
@@ -120,6 +124,9 @@ class Frame:
                 raise ParameterError("srgb and background are for .png; an .npz holds the numbers as they are")
             arrays = {"image": self.image, "stats": np.array(json.dumps(asdict(self.stats)))}
             arrays["plan"] = np.array(json.dumps(list(self.plan)))
+            if self.camera is not None:
+                fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in self.camera._fields().items()}
+                arrays["camera"] = np.array(json.dumps(fields))  # whose floats come back as they were
             if self.counts is not None:
                 arrays["counts"] = self.counts
             if self.fragments is not None:
@@ -132,18 +139,20 @@ class Frame:
     @classmethod
     def load(cls, path):
         """Reads an .npz that `save` wrote."""
-        with np.load(path, allow_pickle=False) as arrays:
-            if "image" not in arrays:
-                raise ParameterError(f"{path} holds no frame")
-            prefix = "fragments_"
-            lists = {k[len(prefix) :]: arrays[k] for k in arrays if k.startswith(prefix)}
-            return cls(
-                arrays["image"],
-                arrays.get("counts"),
-                Fragments._from_arrays(lists) if lists else None,
-                Stats(**json.loads(str(arrays["stats"]))),
-                Plan(tuple(row) for row in json.loads(str(arrays["plan"]))),
-            )
+        arrays = read_npz(path)
+        missing = {"image", "stats", "plan"} - set(arrays)
+        if missing:
+            raise ParameterError(f"{str(path)!r} holds no frame: {', '.join(sorted(missing))} missing")
+        prefix = "fragments_"
+        lists = {k[len(prefix) :]: arrays[k] for k in arrays if k.startswith(prefix)}
+        return cls(
+            arrays["image"],
+            arrays.get("counts"),
+            Fragments._from_arrays(lists, path) if lists else None,
+            Stats(**json.loads(str(arrays["stats"]))),
+            Plan(tuple(row) for row in json.loads(str(arrays["plan"]))),
+            Camera._made(**json.loads(str(arrays["camera"]))) if "camera" in arrays else None,
+        )
 
     def _repr_png_(self):
         return _core.encode_png(self.to_uint8())

@@ -243,7 +243,8 @@ def _parts(item) -> list[_Part]:
     """The nodes of `item` that can be drawn; the others are warned about."""
     what = "the trimesh.Scene"
     if isinstance(item, (str, os.PathLike)):
-        what, parts = os.fspath(item), _read(os.fspath(item))
+        what = repr(os.fspath(item))
+        parts = _read(os.path.expanduser(os.fspath(item)))
     elif hasattr(item, "graph"):
         parts = _scene_parts(item)
     else:
@@ -263,9 +264,11 @@ def _scene_parts(scene) -> list[_Part]:
 
 
 def _read(path: str) -> list[_Part]:
+    if os.path.isdir(path):
+        raise SceneError(f"{path!r} is a directory: give the path of a file (supported: {FORMATS})")
     if not os.path.isfile(path):
-        raise SceneError(f"there is no file {path} (supported: {FORMATS})")
-    needs = f"reading {path} needs trimesh 4.8 or newer: pip install 'abuffer[trimesh]'"
+        raise SceneError(f"there is no file {path!r} (supported: {FORMATS})")
+    needs = f"reading {path!r} needs trimesh 4.8 or newer: pip install 'abuffer[trimesh]'"
     try:
         import trimesh
     except ImportError as error:
@@ -280,7 +283,7 @@ def _read(path: str) -> list[_Part]:
         options = {"group_material": False} if kind == ".obj" else {}
         parts = _scene_parts(trimesh.load_scene(path, process=False, **options))
     except Exception as error:
-        raise SceneError(f"cannot read {path} (supported: {FORMATS}): {error}") from error
+        raise SceneError(f"cannot read {path!r} (supported: {FORMATS}): {error}") from error
     if kind == ".obj":  # trimesh takes the sections of an OBJ from its end
         parts = [part._replace(name=named.name) for part, named in zip(parts[::-1], parts, strict=True)]
     return parts

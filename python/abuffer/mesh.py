@@ -17,7 +17,7 @@ class Mesh:
         positions: (N, 3) float32 or float64, world units, kept as given; or (T, 3, 3), one row a triangle.
         faces: (M, 3) integer indices into positions. None: every three positions are a triangle.
         colors: straight RGB or RGBA, (3|4,) one, (N, 3|4) a vertex, (M, 3|4) a face, (M, 3, 3|4) a corner.
-            Floats as they are: RGB at least 0 and unbounded, alpha in [0, 1]. uint8 is value/255; other
+            Floats as they are: RGB from 0 to float32's largest, alpha in [0, 1]. uint8 is value/255; other
             integers may only be 0 and 1. Three channels have alpha 1.
         color_mode: "one", "vertex", "face" or "corner"; needed only where N == M leaves it open.
         alpha: in [0, 1], multiplies the colours' alpha.
@@ -183,7 +183,12 @@ def _faces(values, vertices):
         values = np.zeros((0, 3), np.uint32)
     array = _check.array_of_numbers("faces", values, "iu")
     if array.ndim != 2 or array.shape[1] != 3:
-        raise SceneError(f"faces must have shape (M, 3), got {array.shape}")
+        hint = ""
+        if array.ndim == 2 and array.shape[1] == 4:
+            hint = ": split quads into triangles, np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])"
+        elif array.ndim == 2 and array.shape[0] == 3:
+            hint = ": transpose it?"
+        raise SceneError(f"faces must have shape (M, 3), got {array.shape}{hint}")
     why = f"there are {vertices} positions, 0 to {vertices - 1}" if vertices else "there are no positions"
     _check.first_bad("faces", (array < 0) | (array >= vertices), array, why)
     return np.ascontiguousarray(array, dtype=np.uint32)

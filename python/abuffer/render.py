@@ -1,6 +1,7 @@
 """One call from a scene to a frame."""
 
 import inspect
+import numbers
 import os
 import re
 
@@ -40,10 +41,12 @@ def render(
         method: one of `methods()`.
         pipeline: "auto" or one of `pipelines()`.
         device: "auto", "cpu", "gpu" or a part of a device's name. "auto" is a real GPU if there is one, else
-            the CPU; the environment variable ABUFFER_DEVICE sets what it means.
+            the CPU; the environment variable ABUFFER_DEVICE sets what it means. "gpu" is the best adapter: a
+            software driver where there is no other.
         samples: 1.
         background: straight: grey, (3|4,) or (H, W, 3|4). Three channels have alpha 1.
-        fragments: True: the lists too; "count": their lengths; "all": opaque surfaces too, hiding nothing.
+        fragments: True: the lists too; "count": their lengths; "all": opaque surfaces too, hiding nothing. False:
+            the frame's `fragments` and `counts` are None.
         precision: "float32", or "float64" on the CPU.
         memory: bytes, or "2GiB", that lists, bins and scratch may take; not what is returned.
 
@@ -57,11 +60,15 @@ def render(
     """
     _check.choice("method", method, tables.METHODS)
     _check.choice("pipeline", pipeline, ("auto", *tables.PIPELINES))
+    if isinstance(precision, (type, np.dtype)):  # np.float64, say
+        precision = np.dtype(precision).name
     _check.choice("precision", precision, ("float32", "float64"))
-    _check.options(options, (), f"method {method!r}", ARGUMENTS)
-    if samples != 1 or isinstance(samples, bool):
-        error = UnsupportedError if isinstance(samples, int) and samples > 1 else ParameterError
-        raise error(f"samples must be 1, got {samples!r}")
+    _check.arguments("render", options, (), f"method {method!r}", ARGUMENTS)
+    if isinstance(samples, (bool, np.bool_)) or not isinstance(samples, (int, np.integer)) or samples != 1:
+        more = isinstance(samples, (int, np.integer)) and samples > 1
+        raise (UnsupportedError if more else ParameterError)(f"samples must be 1, got {samples!r}")
+    if isinstance(fragments, np.bool_):
+        fragments = bool(fragments)
     if not (isinstance(fragments, bool) or (isinstance(fragments, str) and fragments in ("count", "all"))):
         raise ParameterError(f'fragments must be False, "count", True or "all", got {fragments!r}')
     scene = as_scene(scene)
@@ -70,6 +77,7 @@ def render(
     elif not isinstance(camera, Camera):
         raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
     width, height = _image_size(width, height, camera, background)
+    camera = camera._at(width, height)
     background = as_background(background, (height, width))
     plan = []
     adapter = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
@@ -87,10 +95,10 @@ def render(
         output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
     else:
         output = _core.render_gpu(adapter, parts, view, request, behind)
-    return _frame(output, scene, plan, (height, width), background, fragments)
+    return _frame(output, scene, camera, plan, (height, width), background, fragments)
 
 
-ARGUMENTS = tuple(inspect.signature(render).parameters)
+ARGUMENTS = tuple(name for name in inspect.signature(render).parameters if name != "options")
 
 
 def render_triangles(positions, colors, camera, **kw) -> Frame:
@@ -104,7 +112,7 @@ def render_triangles(positions, colors, camera, **kw) -> Frame:
     return render(Mesh(positions, colors=colors), camera, **kw)
 
 
-def _frame(output, scene, plan, shape, background, asked):
+def _frame(output, scene, camera, plan, shape, background, asked):
     stats = output["stats"]
     plan.append(
         ("bands", str(stats["bands"]), "all fits in memory" if stats["bands"] == 1 else "to stay within memory")
@@ -120,7 +128,7 @@ def _frame(output, scene, plan, shape, background, asked):
     lists = None
     if "offsets" in output:
         lists = Fragments._of(shape, output, output.get("background", background))
-    return Frame(output["image"], output.get("counts"), lists, Stats(**stats), Plan(plan))
+    return Frame(output["image"], output.get("counts"), lists, Stats(**stats), Plan(plan), camera)
 
 
 def _image_size(width, height, camera, background):
@@ -133,14 +141,18 @@ def _image_size(width, height, camera, background):
 
 
 def _bytes(memory):
-    """Bytes from an integer or text such as "2GiB"."""
+    """Bytes from a number or text such as "2GiB", at most 2**63."""
     if memory is None:
         return None
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*", str(memory), re.IGNORECASE)
-    if isinstance(memory, bool) or not match:
-        raise ParameterError(f'memory must be bytes or text such as "2GiB", got {memory!r}')
-    number, prefix, binary = match.groups()
-    size = float(number) * (1024 if binary else 1000) ** " kmgt".index(prefix.lower() or " ")
-    if size < 1:
+    if isinstance(memory, numbers.Real) and not isinstance(memory, bool):
+        size = memory
+    else:
+        pattern = r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*"
+        match = re.fullmatch(pattern, memory, re.IGNORECASE) if isinstance(memory, str) else None
+        if not match:
+            raise ParameterError(f'memory must be bytes or text such as "2GiB", got {memory!r}')
+        number, prefix, binary = match.groups()
+        size = float(number) * (1024 if binary else 1000) ** " kmgt".index(prefix.lower() or " ")
+    if not size >= 1:  # NaN is not either
         raise ParameterError(f"memory must be at least 1 byte, got {memory!r}")
-    return min(int(size), 2**63)
+    return int(min(size, 2**63))  # infinity has no integer

@@ -1,5 +1,7 @@
 """Meshes in submission order."""
 
+import numbers
+
 import numpy as np
 
 from . import _check, load
@@ -129,7 +131,8 @@ class Scene:
         first = np.cumsum([0] + [mesh.face_count for mesh in self._meshes])
         if primitive.size and (primitive.min() < 0 or primitive.max() >= first[-1]):
             limits = f"primitives run from 0 to {first[-1] - 1}" if first[-1] else "the scene has no triangles"
-            raise ParameterError(f"{limits}, got {primitive.min()} to {primitive.max()}")
+            low, high = primitive.min(), primitive.max()
+            raise ParameterError(f"{limits}, got {low if low == high else f'{low} to {high}'}")
         primitive = primitive.astype(np.int64)
         mesh = np.searchsorted(first, primitive, side="right") - 1
         return mesh, primitive - first[mesh]
@@ -159,9 +162,10 @@ def _meshes(item, look, space):
         return [mesh for each in item for mesh in _meshes(each, look, space)]
     if load.is_loadable(item):
         return load.meshes(item, space=space, **look)
+    hint = "; wrap it: ab.Mesh(positions, faces)" if isinstance(item, (np.ndarray, numbers.Real)) else ""
     raise SceneError(
         f"cannot add this {type(item).__name__}: give a Mesh, a Scene, a trimesh.Trimesh, a trimesh.Scene, "
-        "a path, or a list of these"
+        f"a path, or a list of these{hint}"
     )
 
 

@@ -1,6 +1,7 @@
 """What there is to choose from: methods, pipelines and devices, as dicts that print as tables."""
 
 import os
+import threading
 
 from . import _core
 from .errors import DeviceError, ParameterError, UnsupportedError
@@ -33,20 +34,30 @@ PIPELINES = Table(
 )
 
 
+_LOCK = threading.Lock()
+_found = None, []  # the process that asked, and the adapters that it found
+
+
 def _adapters():
-    """All adapters, best first.
+    """All adapters, best first, as this process found them first.
 
     Mesa's device-select layer would look for a Wayland display and complain on stderr that there is none. It
     only reorders adapters, which are sorted by kind anyway.
     """
-    ours = "NODEVICE_SELECT" not in os.environ
-    if ours:
-        os.environ["NODEVICE_SELECT"] = "1"
-    try:
-        return _core.adapters()
-    finally:
-        if ours:
-            del os.environ["NODEVICE_SELECT"]
+    global _found
+    with _LOCK:  # two threads must not take back each other's variable
+        process, adapters = _found
+        if process != os.getpid():  # a fork has no driver yet
+            ours = "NODEVICE_SELECT" not in os.environ
+            if ours:
+                os.environ["NODEVICE_SELECT"] = "1"
+            try:
+                adapters = _core.adapters()
+            finally:
+                if ours:
+                    os.environ.pop("NODEVICE_SELECT", None)
+            _found = os.getpid(), adapters
+        return adapters
 
 
 def methods() -> Table:

@@ -11,12 +11,14 @@ import numpy as np
 
 from . import _check, _core
 from .camera import Camera
-from .diagnosis import Case, Form, Rendering, difference, explanations, is_off
+from .diagnosis import Case, Form, Rendering, difference, explanations, is_off, silhouette_off
 from .errors import ParameterError, UnsupportedError
+from .frame import Frame
 from .render import render
 from .scene import as_scene
 
 NEAR_TIE = 1e-5  # relative depth difference that a float32 renderer may order either way
+MANY = 0.1  # of the pixels of two silhouettes: if more are in one alone, the cameras may differ
 LISTED = 12  # fragments of the worst pixel that a message lists
 CHUNK = 1 << 21  # pixels next to edges that are looked at together
 
@@ -40,8 +42,9 @@ def assert_matches_reference(
     pixels in which two fragments in a row differ in depth by less than 1e-5 of it but are not exactly equal.
 
     Args:
-        image: path of a PNG, or (H, W, 3|4) uint8 or floats, row 0 on top. Of 3 channels RGB alone is compared, with
-            the reference over its background, and that over black where it is translucent.
+        image: path of a PNG, or (H, W, 3|4) uint8 or floats, row 0 on top, or a Frame, whose `image` it then is. Of 3
+            channels RGB alone is compared, with the reference over its background, and that over black where it is
+            translucent.
         scene: Scene or what `Scene.add` takes.
         camera: Camera.
         background: straight: grey, (3|4,) or (H, W, 3|4).
@@ -54,7 +57,8 @@ def assert_matches_reference(
             a path that ends in .png, or a directory.
 
     Raises:
-        AssertionError: they differ, the image is not finite, or nothing is left to be compared.
+        AssertionError: they differ, the image is not finite, no triangle is in view, or nothing is left to be
+            compared.
         ParameterError: an image of another shape, type or aspect ratio.
         UnsupportedError: a path is given and Pillow is not installed.
 
@@ -72,6 +76,8 @@ def assert_matches_reference(
     """
     __tracebackhide__ = True  # pytest then shows the caller's line
     tolerance, edge = _check.number("tolerance", tolerance, 0), _check.number("edge", edge, 0)
+    if isinstance(image, Frame):
+        image, premultiplied = image.image, True
     pixels, clipped = _pixels(image)
     if not isinstance(camera, Camera):
         raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
@@ -83,6 +89,8 @@ def assert_matches_reference(
 
     form = Form(pixels.shape[-1], bool(premultiplied), bool(srgb), clipped)
     reference, left_out = _reference(scene, camera, settings, edge)
+    if not reference.shown.any():
+        raise AssertionError(_nothing_in_view(scene, pixels.shape))
     if not reference.compared.any():
         raise AssertionError(f"no pixel can be compared: {left_out}")
     got, expected = form.of_image(pixels), form.of_reference(reference.image)
@@ -225,13 +233,14 @@ def _pixels(image):
 
 def _read_png(path):
     """(H, W, 3|4) uint8. Grey becomes RGB, a palette RGB or RGBA."""
+    path = os.path.expanduser(path)
     with open(path, "rb") as file:
         head = file.read(26)
     if head[:8] != b"\x89PNG\r\n\x1a\n":
-        raise ParameterError(f"{path} is not a PNG: read it yourself and give the array")
+        raise ParameterError(f"{path!r} is not a PNG: read it yourself and give the array")
     if head[24:25] == b"\x10":
         # Pillow would keep the upper 8 bits without a word.
-        raise ParameterError(f"{path} has 16 bits a channel: read it yourself and give the array divided by 65535")
+        raise ParameterError(f"{path!r} has 16 bits a channel: read it yourself and give the array divided by 65535")
     try:
         from PIL import Image
     except ImportError as e:
@@ -266,11 +275,22 @@ def _reference(scene, camera, settings, edge):
         f"{int(band.sum()):,} pixels ({band.mean():.2%}) are within {edge:.3g} px of an edge, "
         f"{int(ties.sum()):,} ({ties.mean():.2%}) have near ties in depth"
     )
-    shown = lists.counts > 0
+    shown = lists.counts > 0  # in lists with opaque surfaces, if there are any
     if compared.any() and shown.any() and compared[shown].mean() < 0.5:
         share = f"{compared[shown].mean():.0%} of the pixels that show geometry"
         warnings.warn(f"only {share} are compared: {left_out}", UserWarning, stacklevel=3)
-    return Rendering(frame.image, frame.fragments, compared), left_out
+    return Rendering(frame.image, frame.fragments, compared, shown), left_out
+
+
+def _nothing_in_view(scene, shape):
+    """Why a reference that shows nothing is no reference."""
+    what = f"no triangle is in view of this camera at {shape[1]}×{shape[0]}, so that any background would pass"
+    if not scene.triangle_count:
+        return f"{what}: the scene has no triangles"
+    return (
+        f"{what}: check world_to_camera against camera_to_world. Camera and Camera.from_intrinsics take "
+        f"world_to_camera, Camera.from_pose takes camera_to_world. The scene's bounds are {scene.bounds.tolist()}"
+    )
 
 
 def _near_ties(frags):
@@ -320,6 +340,9 @@ def _diagnosis(case):
         found, tried = explanations(case)
     if not found:
         yield f"none of the usual mistakes explains it; tried: {', '.join(tried)}"
+        share = silhouette_off(case)
+        if share > MANY:
+            yield f"the silhouettes differ in {share:.0%} of the pixels that either one covers: check the camera"
         return
     yield "what would explain it, best first (and how many of the pixels would still be off):"
     for name, what, share in found:
