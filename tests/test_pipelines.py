@@ -318,6 +318,18 @@ def test_one_pixel_of_200_000_nodes_is_resolved_over_several_dispatches():
     assert (np.abs(frame.image[0, 0] - wanted) <= 2 * (n + 1) * U * wanted).all()
 
 
+def test_more_nodes_than_a_binding_holds_are_rendered_in_bands(needs_gpu):
+    """llvmpipe binds 128 MiB: 8.4 million colours. 10.5 million fragments at the default memory."""
+    triangles, colors = scenes.layers(40, 0.05)
+    mesh = ab.Mesh(triangles, colors=colors)
+    frame = GPU.render(mesh, FRONT, width=512, height=512, fragments="count")
+    if frame.stats.device != next((name for name in ab.devices() if "llvmpipe" in name), None):
+        pytest.skip("another device than llvmpipe may bind more")
+    assert frame.stats.bands > 1
+    assert (frame.counts == 40).all()
+    np.testing.assert_allclose(frame.image, CPU32.render(mesh, FRONT, width=512, height=512).image, rtol=84 * U)
+
+
 def test_without_a_forced_early_depth_test_the_shader_compares_depths(tmp_path, needs_gpu):
     """What Metal and DX12 do; also without timestamps, which no device must have."""
     script = """if True:
