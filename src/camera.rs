@@ -69,19 +69,25 @@ impl Camera {
         self.projection.row(3).z != 0.0
     }
 
+    /// The depths that the scene spans, of which only a parallel view needs to know: 0 under a perspective.
+    pub fn depth_extent(&self, scene: &Scene) -> (f64, f64) {
+        if self.is_perspective() {
+            return (0.0, 0.0);
+        }
+        scene.extent(|p| -self.view.transform_point3(p).z).unwrap_or_default()
+    }
+
     /// What float32 pipelines keep positions relative to: they round them once, relative to it.
     ///
     /// Under a perspective it is the eye, so that a rounding is 2⁻²⁴ of the distance from the eye, whatever
     /// else the scene holds. A parallel view has no such point; its centre lies on the view axis, amid the
-    /// scene's depths.
-    pub fn center(&self, scene: &Scene) -> DVec3 {
+    /// scene's depths, as `depth_extent` has them.
+    pub fn center(&self, (low, high): (f64, f64)) -> DVec3 {
         let to_world = self.view.inverse();
         let eye = to_world.transform_point3(DVec3::ZERO);
         if self.is_perspective() {
             return eye;
         }
-        let depth = |p: DVec3| -self.view.transform_point3(p).z;
-        let (low, high) = scene.extent(depth).unwrap_or_default();
         to_world.transform_point3(DVec3::new(0.0, 0.0, -(low + high) / 2.0))
     }
 

@@ -6,7 +6,6 @@ import operator
 import numpy as np
 
 from . import _check, _core
-from ._check import background as as_background
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
 
@@ -70,7 +69,7 @@ class Fragments:
         if unsorted.any():
             y, x = divmod(int(self.pixel[1:][unsorted][0]), width)
             raise SceneError(f"the list of pixel [{y}, {x}] is not sorted front to back")
-        self.background = np.broadcast_to(as_background(background, self.shape), (height, width, 4))
+        self.background = np.broadcast_to(_check.background(background, self.shape), (height, width, 4))
         self._window = (0, 0, height, width)
 
     @classmethod
@@ -169,7 +168,7 @@ class Fragments:
         """
         _check.choice("method", method, METHODS)
         _check.arguments("composite", options, (), f"method {method!r}", ("method", "background"))
-        background = self.background if background is None else as_background(background, self.shape)
+        background = self.background if background is None else _check.background(background, self.shape)
         image = np.ascontiguousarray(np.broadcast_to(background, (*self.shape, 4)), dtype=np.float64)
         return _core.composite(self.offsets, self.color, image).reshape(*self.shape, 4)
 

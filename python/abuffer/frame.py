@@ -11,9 +11,7 @@ from . import _check, _core
 from ._srgb import encode_srgb
 from .camera import Camera
 from .errors import ParameterError
-from .fragments import Fragments, as_background, read_npz
-
-__all__ = ["Frame", "Plan", "Stats", "encode_srgb"]
+from .fragments import Fragments, read_npz
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ class Frame:
         """
         image = self.image.astype(np.float64)
         if background is not None:
-            behind = as_background(background, image.shape[:2])
+            behind = _check.background(background, image.shape[:2])
             behind = np.concatenate([behind[..., :3] * behind[..., 3:], behind[..., 3:]], axis=-1)
             image = image + (1 - image[..., 3:]) * behind
         rgb, alpha = image[..., :3], image[..., 3:]

@@ -10,7 +10,7 @@ import numpy as np
 from . import _check, _core, tables
 from .camera import Camera, _size
 from .errors import ParameterError, UnsupportedError
-from .fragments import Fragments, as_background
+from .fragments import Fragments
 from .frame import Frame, Plan, Stats
 from .mesh import Mesh
 from .scene import as_scene
@@ -78,7 +78,7 @@ def render(
         raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
     width, height = _image_size(width, height, camera, background)
     camera = camera._at(width, height)
-    background = as_background(background, (height, width))
+    background = _check.background(background, (height, width))
     plan = []
     adapter = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
     request = {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::coverage::Edges;
 use super::region::{Region, TILE};
-use super::setup::{Record, Setup};
+use super::setup::{Record, Setup, pixel_box};
 use crate::error::{Error, Result};
 
 /// Bytes of one entry of a tile's list.
@@ -173,7 +173,7 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
     /// inside at some pixel, which near a corner are a few too many.
     fn for_each_tile(&self, record: &Record<T>, run: &Range<usize>, mut visit: impl FnMut(usize)) {
         let tile = TILE as i32;
-        let [x0, y0, x1, y1] = record.pixel_box(self.width, self.height);
+        let [x0, y0, x1, y1] = pixel_box(record.x, record.y, self.width, self.height);
         let (tx0, tx1) = (x0 / tile, x1 / tile);
         for ty in y0 / tile..=y1 / tile {
             let row = ty as usize * self.tiles_x as usize;

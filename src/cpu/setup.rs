@@ -35,20 +35,17 @@ pub struct Record<T> {
     pub mesh: u32,
 }
 
-impl<T> Record<T> {
-    /// First and last pixel whose centre can be covered, on one axis.
-    fn pixels(v: [i32; 3]) -> (i32, i32) {
-        let (low, high) = (v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2]));
-        // Centres lie at 256 i + 128: round the low end up and the high end down to one.
-        ((low + SUBPIXELS / 2 - 1) >> 8, (high - SUBPIXELS / 2) >> 8)
-    }
+/// First and last pixel whose centre snapped vertices can cover, on one axis.
+pub fn pixel_range(v: [i32; 3]) -> (i32, i32) {
+    let (low, high) = (v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2]));
+    // Centres lie at 256 i + 128: round the low end up and the high end down to one.
+    ((low + SUBPIXELS / 2 - 1) >> 8, (high - SUBPIXELS / 2) >> 8)
+}
 
-    /// Pixels whose centres the bounding box holds: x0, y0, x1, y1, all inclusive, cut to the viewport.
-    pub fn pixel_box(&self, width: u32, height: u32) -> [i32; 4] {
-        let (x0, x1) = Self::pixels(self.x);
-        let (y0, y1) = Self::pixels(self.y);
-        [x0.max(0), y0.max(0), x1.min(width as i32 - 1), y1.min(height as i32 - 1)]
-    }
+/// Pixels whose centres the bounding box holds: x0, y0, x1, y1, all inclusive, cut to the viewport.
+pub fn pixel_box(x: [i32; 3], y: [i32; 3], width: u32, height: u32) -> [i32; 4] {
+    let ((x0, x1), (y0, y1)) = (pixel_range(x), pixel_range(y));
+    [x0.max(0), y0.max(0), x1.min(width as i32 - 1), y1.min(height as i32 - 1)]
 }
 
 /// What setup hands to binning and tiles.
@@ -85,7 +82,7 @@ const CHUNK: usize = 4096;
 
 /// Sets up all triangles, in submission order.
 pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) -> Setup<T> {
-    let center = camera.center(scene);
+    let center = camera.center(camera.depth_extent(scene));
     let rows = camera.clip_rows(center);
     let (near, far) = camera.depth_range();
     let row = |r: DVec4| r.to_array().map(T::from_f64);
@@ -183,48 +180,31 @@ impl<T: Real> Part<T> {
         }
         let screen = &screen[..corners.len()];
 
-        let first_piece = self.records.len();
-        for i in 1..screen.len() - 1 {
-            if let Some((x, y)) =
-                view.visible_piece([screen[0], screen[i], screen[i + 1]], flipped, source.cull)
-            {
-                self.records.push(Record {
-                    x,
-                    y,
-                    anchor: [T::ZERO; 2],
-                    key_plane: Plane {
-                        value: T::ZERO,
-                        gx: T::ZERO,
-                        gy: T::ZERO,
-                        low: T::ZERO,
-                        high: T::ZERO,
-                    },
-                    color: vertices[0].color,
-                    gradient: FLAT,
-                    primitive,
-                    mesh: mesh as u32,
-                });
-            }
-        }
-        if self.records.len() == first_piece {
+        let corners_of = |i: usize| [screen[0], screen[i], screen[i + 1]];
+        let mut pieces = (1..screen.len() - 1)
+            .filter_map(|i| view.visible_piece(corners_of(i), flipped, source.cull))
+            .peekable();
+        if pieces.peek().is_none() {
             return Some(());
         }
-        self.has_pieces |= self.records.len() > first_piece + 1;
         // The planes are the parent's: all its pieces share them.
-        let Some(frame) = Frame::of(&vertices, corners, view.volume.perspective, [view.width, view.height])
-        else {
-            self.records.truncate(first_piece);
-            return None;
-        };
+        let frame = Frame::of(&vertices, corners, view.volume.perspective, [view.width, view.height])?;
         let gradient = frame.colors.map_or(FLAT, |planes| {
             self.gradients.push(planes);
             self.gradients.len() as u32 - 1
         });
-        for record in &mut self.records[first_piece..] {
-            record.anchor = frame.anchor;
-            record.key_plane = frame.key;
-            record.gradient = gradient;
-        }
+        let first_piece = self.records.len();
+        self.records.extend(pieces.map(|(x, y)| Record {
+            x,
+            y,
+            anchor: frame.anchor,
+            key_plane: frame.key,
+            color: vertices[0].color,
+            gradient,
+            primitive,
+            mesh: mesh as u32,
+        }));
+        self.has_pieces |= self.records.len() > first_piece + 1;
         Some(())
     }
 }
@@ -262,10 +242,8 @@ impl<T: Real> View<T> {
             x.swap(1, 2);
             y.swap(1, 2);
         }
-        let (x0, x1) = Record::<T>::pixels(x);
-        let (y0, y1) = Record::<T>::pixels(y);
-        let (width, height) = (self.viewport.0 as i32, self.viewport.1 as i32);
-        (x0.max(0) <= x1.min(width - 1) && y0.max(0) <= y1.min(height - 1)).then_some((x, y))
+        let [x0, y0, x1, y1] = pixel_box(x, y, self.viewport.0, self.viewport.1);
+        (x0 <= x1 && y0 <= y1).then_some((x, y))
     }
 }
 

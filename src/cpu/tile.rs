@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::coverage::Edges;
 use super::region::{Region, TILE};
-use super::setup::{FLAT, Record, Setup};
+use super::setup::{FLAT, Record, Setup, pixel_range};
 use super::sort::sort;
 use crate::error::{Error, Result};
 use crate::real::{Real, sort_key};
@@ -289,13 +289,9 @@ fn offset<T: Real>(record: &Record<T>, x: i32, y: i32) -> (T, T) {
 /// Calls `span(x, y, pixel of the region, length)` for each row of pixel centres inside the record.
 #[inline]
 fn for_each_span<T>(record: &Record<T>, region: Region, mut span: impl FnMut(i32, i32, usize, usize)) {
-    let x = record.x.map(|v| (v >> 8) - region.x0);
-    let y = record.y.map(|v| (v >> 8) - region.y0);
-    // A vertex in pixel i can cover no centre left of i, nor right of it.
-    let from = x[0].min(x[1]).min(x[2]).max(0);
-    let to = (x[0].max(x[1]).max(x[2]) + 1).min(region.w);
-    let first = y[0].min(y[1]).min(y[2]).max(0);
-    let last = (y[0].max(y[1]).max(y[2]) + 1).min(region.h);
+    let ((x0, x1), (y0, y1)) = (pixel_range(record.x), pixel_range(record.y));
+    let (from, to) = ((x0 - region.x0).max(0), (x1 + 1 - region.x0).min(region.w));
+    let (first, last) = ((y0 - region.y0).max(0), (y1 + 1 - region.y0).min(region.h));
     if from >= to || first >= last {
         return;
     }

@@ -7,7 +7,6 @@
 
 use std::time::Instant;
 
-use glam::DVec3;
 use wgpu::BufferUsages;
 
 use super::buffers::with_contents;
@@ -48,11 +47,10 @@ pub fn render(
 
     let clock = Instant::now();
     let frame = gpu.checked("uploading the scene", || {
-        let (rows, center, view) = threads()?.install(|| {
-            let center = camera.center(scene);
-            let rows = camera.clip_rows(center);
-            (rows, center, view_uniform(scene, camera, &rows, request, &background))
-        });
+        let depths = threads()?.install(|| camera.depth_extent(scene));
+        let center = camera.center(depths);
+        let rows = camera.clip_rows(center);
+        let view = view_uniform(camera, &rows, depths, request, &background);
         let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[view]);
         let geometry = Geometry::upload(gpu, pipelines, scene, &rows, center, &view)?;
         let background_is_texture = hides || matches!(background, Background::Image(_));
@@ -140,17 +138,15 @@ pub fn render(
 }
 
 fn view_uniform(
-    scene: &Scene,
     camera: &Camera,
     rows: &ClipRows,
+    (low, high): (f64, f64),
     request: &Request,
     background: &Background<f32>,
 ) -> View {
     let (near, far) = camera.depth_range();
     let perspective = camera.is_perspective();
     // Window z of a parallel view spans the scene, with room for rounding.
-    let depth = |p: DVec3| -camera.view.transform_point3(p).z;
-    let (low, high) = if perspective { None } else { scene.extent(depth) }.unwrap_or_default();
     let (low, high) = (low.max(near), high.min(far).max(low.max(near)));
     let room = 1e-5 * (high - low).max(low.abs()).max(high.abs()).max(f64::MIN_POSITIVE);
     let scale = 1.0 / (high - low + 2.0 * room);

@@ -26,8 +26,8 @@ pub fn resolve(
 ) -> Result<()> {
     let counting =
         Sorter::new(frame, pool, read_group, &vec![bytemuck::Zeroable::zeroed(); long_count as usize], 0);
-    counting.dispatch(&frame.pipelines.begin, long_count, 0, stats)?;
-    counting.until_finished(&frame.pipelines.count, stats)?;
+    counting.submit(&[(&frame.pipelines.begin, long_count, 0, 0)], stats)?;
+    counting.until_finished(&frame.pipelines.count, 0, stats)?;
     let mut pixels = counting.read_pixels()?;
     // Longest first, so that a batch holds lists of like length and needs few rounds.
     pixels.sort_unstable_by_key(|p| std::cmp::Reverse((p.count, p.pixel)));
@@ -60,6 +60,9 @@ pub fn resolve(
     }
     Ok(())
 }
+
+/// A pipeline, its invocations, the buffer of entries that they read, and the width of a merge's runs.
+type Dispatch<'p> = (&'p wgpu::ComputePipeline, u32, usize, u32);
 
 /// A batch of long lists and its buffers.
 struct Sorter<'a> {
@@ -109,89 +112,78 @@ impl<'a> Sorter<'a> {
     /// Gathers, sorts and composites the batch.
     fn run(&self, stats: &mut Stats) -> Result<()> {
         let pipelines = self.frame.pipelines;
-        self.until_finished(&pipelines.gather, stats)?;
-        self.dispatch(&pipelines.sort_chunks, self.chunk_count, 0, stats)?;
+        self.until_finished(&pipelines.gather, 0, stats)?;
+        let mut rounds: Vec<Dispatch> = vec![(&pipelines.sort_chunks, self.chunk_count, 0, 0)];
         let mut width = CHUNK;
         let mut source = 0;
         while width < self.longest {
-            self.dispatch_from(&pipelines.merge, self.chunk_count, source, width, stats)?;
+            rounds.push((&pipelines.merge, self.chunk_count, source, width));
             source = 1 - source;
             width = width.saturating_mul(2);
         }
-        self.until_finished_from(&pipelines.composite, source, stats)
-    }
-
-    fn until_finished(&self, pipeline: &wgpu::ComputePipeline, stats: &mut Stats) -> Result<()> {
-        self.until_finished_from(pipeline, 0, stats)
+        self.submit(&rounds, stats)?;
+        self.until_finished(&pipelines.composite, source, stats)
     }
 
     /// Dispatches one invocation a pixel until none has stored its state for another turn.
-    fn until_finished_from(
+    fn until_finished(
         &self,
         pipeline: &wgpu::ComputePipeline,
         source: usize,
         stats: &mut Stats,
     ) -> Result<()> {
-        while self.dispatch_from(pipeline, self.long_count, source, 0, stats)? {}
+        while self.submit(&[(pipeline, self.long_count, source, 0)], stats)? {}
         Ok(())
     }
 
-    fn dispatch(
-        &self,
-        pipeline: &wgpu::ComputePipeline,
-        n: u32,
-        source: usize,
-        stats: &mut Stats,
-    ) -> Result<bool> {
-        self.dispatch_from(pipeline, n, source, 0, stats)
-    }
-
-    /// One dispatch of `n` invocations that read entries of buffer `source`. Returns whether any is unfinished.
-    fn dispatch_from(
-        &self,
-        pipeline: &wgpu::ComputePipeline,
-        n: u32,
-        source: usize,
-        width: u32,
-        stats: &mut Stats,
-    ) -> Result<bool> {
+    /// Runs dispatches one after the other. Returns whether any invocation is unfinished.
+    fn submit(&self, dispatches: &[Dispatch], stats: &mut Stats) -> Result<bool> {
         let gpu = self.frame.gpu;
         let timing = Timing::new(gpu);
         let unfinished = readable(gpu, "unfinished", 4);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         gpu.checked("sorting long lists", || {
-            let round = Round { width, long_count: self.long_count, chunk_count: self.chunk_count, pad: 0 };
-            let group = bind(
-                gpu,
-                "long",
-                &self.frame.pipelines.long,
-                &[
-                    (&self.long).into(),
-                    (&self.unfinished).into(),
-                    (&self.entries[source]).into(),
-                    (&self.entries[1 - source]).into(),
-                    (&self.chunk_owner).into(),
-                    (&with_contents(gpu, "round", BufferUsages::UNIFORM, &[round])).into(),
-                    (&self.pool.long_pixels).into(),
-                ],
-            );
             encoder.clear_buffer(&self.unfinished, 0, None);
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("long lists"),
-                timestamp_writes: timing.compute("long lists"),
-            });
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, self.read_group, &[]);
-            pass.set_bind_group(1, &group, &[]);
-            let groups = n.div_ceil(WORKGROUP);
-            let x = groups.clamp(1, gpu.limits.max_compute_workgroups_per_dimension);
-            pass.dispatch_workgroups(x, groups.div_ceil(x), 1);
-            drop(pass);
+            dispatches.iter().for_each(|dispatch| self.encode(&mut encoder, *dispatch, &timing));
             encoder.copy_buffer_to_buffer(&self.unfinished, 0, &unfinished, 0, 4);
             Ok(())
         })?;
         let results = self.frame.submit(encoder, &timing, &[&unfinished], stats)?;
         Ok(results[0].iter().any(|&word| word != 0))
+    }
+
+    fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (pipeline, n, source, width): Dispatch,
+        timing: &Timing,
+    ) {
+        let gpu = self.frame.gpu;
+        let round = Round { width, long_count: self.long_count, chunk_count: self.chunk_count, pad: 0 };
+        let group = bind(
+            gpu,
+            "long",
+            &self.frame.pipelines.long,
+            &[
+                (&self.long).into(),
+                (&self.unfinished).into(),
+                (&self.entries[source]).into(),
+                (&self.entries[1 - source]).into(),
+                (&self.chunk_owner).into(),
+                (&with_contents(gpu, "round", BufferUsages::UNIFORM, &[round])).into(),
+                (&self.pool.long_pixels).into(),
+            ],
+        );
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("long lists"),
+            timestamp_writes: timing.compute("long lists"),
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, self.read_group, &[]);
+        pass.set_bind_group(1, &group, &[]);
+        let groups = n.div_ceil(WORKGROUP);
+        let x = groups.clamp(1, gpu.limits.max_compute_workgroups_per_dimension);
+        pass.dispatch_workgroups(x, groups.div_ceil(x), 1);
     }
 
     fn read_pixels(&self) -> Result<Vec<LongPixel>> {

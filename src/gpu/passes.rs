@@ -238,8 +238,7 @@ impl Frame<'_> {
         let mut results = self.gpu.submit_and_read(encoder, &all)?;
         let mut waited = clock.elapsed().as_secs_f64() * 1e3; // what the passes themselves do not account for
         if times.is_some() {
-            let (passes, _) = timing.read(&results.pop().unwrap_or_default());
-            for (stage, ms) in passes {
+            for (stage, ms) in timing.read(&results.pop().unwrap_or_default()) {
                 stats.add(stage, ms);
                 waited -= ms;
             }

@@ -74,19 +74,10 @@ impl Timing {
         })
     }
 
-    /// Milliseconds of each timed pass, and from the first begin to the last end.
-    pub fn read(&self, words: &[u32]) -> (Vec<(&'static str, f64)>, f64) {
-        let ticks: Vec<u64> = words
-            .chunks_exact(2)
-            .take(2 * self.used.get() as usize)
-            .map(|w| u64::from(w[1]) << 32 | u64::from(w[0]))
-            .collect();
-        let ms = |from: u64, to: u64| to.saturating_sub(from) as f64 * f64::from(self.period_ns) * 1e-6;
-        let stages = self.stages.borrow();
-        let passes =
-            stages.iter().zip(ticks.chunks_exact(2)).map(|(stage, t)| (*stage, ms(t[0], t[1]))).collect();
-        let first = ticks.iter().step_by(2).min().copied().unwrap_or(0);
-        let last = ticks.iter().skip(1).step_by(2).max().copied().unwrap_or(0);
-        (passes, ms(first, last))
+    /// Milliseconds of each timed pass.
+    pub fn read(&self, words: &[u32]) -> Vec<(&'static str, f64)> {
+        let tick = |w: &[u32]| u64::from(w[1]) << 32 | u64::from(w[0]);
+        let ms = |t: &[u32]| tick(&t[2..]).saturating_sub(tick(t)) as f64 * f64::from(self.period_ns) * 1e-6;
+        self.stages.borrow().iter().copied().zip(words.chunks_exact(4).map(ms)).collect()
     }
 }
