@@ -11,11 +11,22 @@ pub struct Fragments<T: Real> {
     pub key: Vec<T::Key>,
     pub color: Vec<[T; 4]>,
     pub primitive: Vec<i32>,
+    /// Which samples each fragment covers, where a pixel has more than one.
+    pub coverage: Option<Vec<u32>>,
+    /// Each fragment's blend mode, where a scene has others than `over`.
+    pub blend: Option<Vec<u8>>,
+}
+
+/// What lists hold beside depth, colour and primitive: only what the scene requires.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Extras {
+    pub coverage: bool,
+    pub blend: bool,
 }
 
 impl<T: Real> Fragments<T> {
     /// Empty lists with room for these counts a pixel. `None` where the memory cannot be had.
-    pub fn with_counts(counts: &[i32]) -> Option<Self> {
+    pub fn with_counts(counts: &[i32], extras: Extras) -> Option<Self> {
         let mut offsets = Vec::new();
         offsets.try_reserve_exact(counts.len() + 1).ok()?;
         offsets.push(0);
@@ -31,6 +42,8 @@ impl<T: Real> Fragments<T> {
             key: filled(n, T::Key::default())?,
             color: filled(n, [T::NAN; 4])?,
             primitive: filled(n, -1)?,
+            coverage: if extras.coverage { Some(filled(n, 0)?) } else { None },
+            blend: if extras.blend { Some(filled(n, 0)?) } else { None },
         })
     }
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
 use crate::real::Real;
+use crate::samples::COUNTS;
 
 /// Which fragment lists come back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,6 +17,47 @@ pub enum Lists {
     All,
 }
 
+/// How the samples of a pixel become what is returned (GPU Pro 2, sections 2.7.2 and 2.8.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MsaaResolve {
+    /// Each sample is composited on its own, then their mean is taken.
+    PerSample,
+    /// All samples in one walk over the pixel's fragments: the same numbers.
+    PerPixel,
+    /// The mean weighs each sample by 1 / (1 + its largest channel).
+    Hdr,
+    /// The samples themselves.
+    None,
+}
+
+/// How a pixel's list is sorted. All give the same order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Sort {
+    Auto,
+    Insertion,
+    Selection,
+    Bitonic,
+    Merge,
+    Heap,
+}
+
+/// Which fragments of a pixel are kept where their number is limited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LimitPolicy {
+    /// The nearest (GPU Pro 2, listing 2.2).
+    Nearest,
+    /// Those of the greatest primitives: the first that a reverse list holds.
+    LastSubmitted,
+}
+
+/// The direction in which sorted fragments are blended. Both give the same image, up to rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BlendOrder {
+    /// Underblending, with a transmittance.
+    FrontToBack,
+    BackToFront,
+}
+
 #[derive(Debug, Clone)]
 pub struct Request {
     pub width: u32,
@@ -23,6 +65,13 @@ pub struct Request {
     pub lists: Lists,
     /// Bytes that lists, bins and scratch may take. `None`: the pipeline's own default.
     pub memory: Option<u64>,
+    /// Samples a pixel, of `samples::COUNTS`.
+    pub samples: u32,
+    pub msaa_resolve: MsaaResolve,
+    pub sort: Sort,
+    /// At most so many fragments of a pixel are composited; the others count as dropped.
+    pub limit: Option<(u32, LimitPolicy)>,
+    pub blend_order: BlendOrder,
 }
 
 /// The largest width and height: with a viewport of guard band on each side, snapped coordinates stay
@@ -69,10 +118,10 @@ impl Stats {
 /// An image with what was asked for beside it.
 #[derive(Debug)]
 pub struct Output<T: Real> {
-    /// Premultiplied, over the background, row 0 on top.
+    /// Premultiplied, over the background, row 0 on top; a pixel's samples side by side where they are asked for.
     pub image: Vec<[T; 4]>,
     pub counts: Option<Vec<i32>>,
-    /// Straight colours behind the lists, where opaque geometry makes them differ from the request's.
+    /// Straight colours behind the lists, one a sample, where opaque geometry makes them differ from the request's.
     pub background: Option<Vec<[T; 4]>>,
     pub fragments: Option<Fragments<T>>,
     pub stats: Stats,
@@ -83,6 +132,11 @@ impl Request {
         self.width as usize * self.height as usize
     }
 
+    /// Colours a pixel of the image.
+    pub fn image_samples(&self) -> usize {
+        if self.msaa_resolve == MsaaResolve::None { self.samples as usize } else { 1 }
+    }
+
     pub fn check<T>(&self, background: &Background<T>) -> Result<()> {
         let valid = 1..=MAX_SIZE;
         if !valid.contains(&self.width) || !valid.contains(&self.height) {
@@ -90,6 +144,9 @@ impl Request {
                 "width and height must be from 1 to {MAX_SIZE}, got {} and {}",
                 self.width, self.height
             )));
+        }
+        if !COUNTS.contains(&self.samples) {
+            return Err(Error::Parameter(format!("samples must be one of {COUNTS:?}, got {}", self.samples)));
         }
         let pixels = self.pixels();
         if let Background::Image(image) = background

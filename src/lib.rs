@@ -5,6 +5,7 @@
 //! [`frame::Output`] leaves. Modules only look downwards:
 //! `python → render → {gpu, cpu, composite} → {frame, methods} → {fragments, scene, camera} → error`.
 
+pub mod blend;
 pub mod camera;
 pub mod composite;
 pub mod cpu;
@@ -16,6 +17,7 @@ pub mod methods;
 pub mod png;
 pub mod real;
 pub mod render;
+pub mod samples;
 pub mod scene;
 pub mod shader;
 pub mod threads;

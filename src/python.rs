@@ -14,7 +14,7 @@ use crate::camera::Camera;
 use crate::composite::composite as composite_lists;
 use crate::error::Error;
 use crate::fragments::{Background, Fragments};
-use crate::frame::{Lists, Output, Request, Stats};
+use crate::frame::{BlendOrder, LimitPolicy, Lists, MsaaResolve, Output, Request, Sort, Stats};
 use crate::gpu::device::{self, Adapter};
 use crate::methods::METHODS;
 use crate::png::encode;
@@ -78,6 +78,8 @@ struct MeshParts<'py> {
     alpha_cutoff: f64,
     #[pyo3(item)]
     cull: Option<String>,
+    #[pyo3(item)]
+    blend: u8,
 }
 
 impl MeshParts<'_> {
@@ -110,6 +112,7 @@ impl MeshParts<'_> {
                 Some("front") => Cull::Front,
                 _ => Cull::None,
             },
+            blend: self.blend,
         })
     }
 }
@@ -145,6 +148,18 @@ struct RequestParts {
     lists: String,
     #[pyo3(item)]
     memory: Option<u64>,
+    #[pyo3(item)]
+    samples: u32,
+    #[pyo3(item)]
+    msaa_resolve: String,
+    #[pyo3(item)]
+    sort: String,
+    #[pyo3(item)]
+    max_sorted_fragments: Option<u32>,
+    #[pyo3(item)]
+    limit_policy: String,
+    #[pyo3(item)]
+    blend_order: String,
 }
 
 impl RequestParts {
@@ -159,6 +174,29 @@ impl RequestParts {
                 _ => Lists::None,
             },
             memory: self.memory,
+            samples: self.samples,
+            msaa_resolve: match self.msaa_resolve.as_str() {
+                "per_sample" => MsaaResolve::PerSample,
+                "hdr" => MsaaResolve::Hdr,
+                "none" => MsaaResolve::None,
+                _ => MsaaResolve::PerPixel,
+            },
+            sort: match self.sort.as_str() {
+                "insertion" => Sort::Insertion,
+                "selection" => Sort::Selection,
+                "bitonic" => Sort::Bitonic,
+                "merge" => Sort::Merge,
+                "heap" => Sort::Heap,
+                _ => Sort::Auto,
+            },
+            limit: self.max_sorted_fragments.map(|n| {
+                let last = self.limit_policy == "last_submitted";
+                (n, if last { LimitPolicy::LastSubmitted } else { LimitPolicy::Nearest })
+            }),
+            blend_order: match self.blend_order.as_str() {
+                "back_to_front" => BlendOrder::BackToFront,
+                _ => BlendOrder::FrontToBack,
+            },
         }
     }
 }
@@ -270,23 +308,31 @@ where
 {
     let (h, w) = (request.height as usize, request.width as usize);
     let dict = PyDict::new(py);
-    let rgba = |pixels: Vec<[T; 4]>| -> PyResult<Bound<'py, PyArray3<T>>> {
-        pixels.into_flattened().into_pyarray(py).reshape([h, w, 4])
+    // (H, W, 4), or (H, W, S, 4) where there is a colour a sample.
+    let rgba = |pixels: Vec<[T; 4]>, samples: usize| -> PyResult<Bound<'py, PyAny>> {
+        let flat = pixels.into_flattened().into_pyarray(py);
+        Ok(if samples > 1 {
+            flat.reshape([h, w, samples, 4])?.into_any()
+        } else {
+            flat.reshape([h, w, 4])?.into_any()
+        })
     };
-    dict.set_item("image", rgba(output.image)?)?;
+    dict.set_item("image", rgba(output.image, request.image_samples())?)?;
     if let Some(counts) = output.counts {
         dict.set_item("counts", counts.into_pyarray(py).reshape([h, w])?)?;
     }
     if let Some(background) = output.background {
-        dict.set_item("background", rgba(background)?)?;
+        dict.set_item("background", rgba(background, request.samples as usize)?)?;
     }
-    if let Some(Fragments { offsets, depth, key, color, primitive }) = output.fragments {
+    if let Some(Fragments { offsets, depth, key, color, primitive, coverage, blend }) = output.fragments {
         let n = color.len();
         dict.set_item("offsets", offsets.into_pyarray(py))?;
         dict.set_item("depth", depth.into_pyarray(py))?;
         dict.set_item("key", key.into_pyarray(py))?;
         dict.set_item("color", color.into_flattened().into_pyarray(py).reshape([n, 4])?)?;
         dict.set_item("primitive", primitive.into_pyarray(py))?;
+        dict.set_item("coverage", coverage.map(|c| c.into_pyarray(py)))?;
+        dict.set_item("blend", blend.map(|b| b.into_pyarray(py)))?;
     }
     dict.set_item("stats", stats_to_dict(py, output.stats)?)?;
     Ok(dict)

@@ -91,6 +91,8 @@ pub struct Mesh<'a> {
     /// Fragments of less alpha are discarded. 0 keeps all.
     pub alpha_cutoff: f64,
     pub cull: Cull,
+    /// An id of `blend::MODES`, or past them a user's own blend.
+    pub blend: u8,
 }
 
 impl Mesh<'_> {
@@ -191,6 +193,11 @@ impl<'a> Scene<'a> {
     pub fn has_opaque(&self) -> bool {
         self.meshes.iter().any(|m| m.opaque && m.face_count() > 0)
     }
+
+    /// Some translucent mesh is blended otherwise than `over`.
+    pub fn mixes_modes(&self) -> bool {
+        self.meshes.iter().any(|m| !m.opaque && m.blend != 0 && m.face_count() > 0)
+    }
 }
 
 #[cfg(test)]
@@ -205,6 +212,7 @@ mod tests {
             opaque: false,
             alpha_cutoff: 0.0,
             cull: Cull::None,
+            blend: 0,
         }
     }
 

@@ -16,9 +16,9 @@ SRC, PACKAGE = ROOT / "src", ROOT / "python" / "abuffer"
 # not know each other.
 RANKS = [
     {"error", "real"},
-    {"scene", "png", "shader", "threads"},
+    {"scene", "png", "samples", "shader", "threads"},
     {"camera", "fragments"},
-    {"frame", "methods"},
+    {"blend", "frame", "methods"},
     {"cpu", "gpu", "composite"},
     {"render"},
     {"python"},

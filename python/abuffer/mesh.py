@@ -153,6 +153,7 @@ class Mesh:
             "opaque": self.opaque,
             "alpha_cutoff": self.alpha_cutoff or 0.0,
             "cull": self.cull,
+            "blend": BLENDS.index(self.blend),
         }
 
 

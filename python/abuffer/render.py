@@ -86,6 +86,12 @@ def render(
         "height": height,
         "lists": {False: "none", True: "translucent"}.get(fragments, fragments),
         "memory": _bytes(memory),
+        "samples": 1,
+        "msaa_resolve": "per_pixel",
+        "sort": "auto",
+        "max_sorted_fragments": None,
+        "limit_policy": "nearest",
+        "blend_order": "front_to_back",
     }
     parts = [mesh._parts() for mesh in scene.meshes]
     view = camera._parts(width, height)

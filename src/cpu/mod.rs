@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::fragments::{Background, Fragments};
+use crate::fragments::{Background, Extras, Fragments};
 use crate::frame::{Lists, Output, Request, Stats, allocate, out_of_memory};
 use crate::real::Real;
 use crate::scene::Scene;
@@ -86,10 +86,11 @@ pub fn render<T: Real>(
     let fragments = match &counts {
         Some(counts) if wants_lists => {
             // A second walk, now that every list's place is known: nothing is held twice.
-            let mut lists = Fragments::with_counts(counts).ok_or_else(|| {
-                let entry = size_of::<(T, T::Key, [T; 4], i32)>() as u64;
-                out_of_memory("fragment lists", stats.fragments * entry)
-            })?;
+            let mut lists = Fragments::with_counts(counts, Extras { coverage: false, blend: false })
+                .ok_or_else(|| {
+                    let entry = size_of::<(T, T::Key, [T; 4], i32)>() as u64;
+                    out_of_memory("fragment lists", stats.fragments * entry)
+                })?;
             let (mut targets, offsets) = ListTarget::cut(&mut lists, width);
             binning.each_run(|bins| {
                 targets[bins.run.clone()].par_iter_mut().zip(bins.run.clone()).try_for_each(

@@ -284,6 +284,7 @@ mod tests {
             opaque: false,
             alpha_cutoff: 0.0,
             cull: Cull::None,
+            blend: 0,
         }]);
         set_up(&scene.unwrap(), camera, size, size)
     }

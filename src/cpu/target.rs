@@ -103,7 +103,7 @@ struct ListRow<'a, T: Real> {
 impl<'a, T: Real> ListTarget<'a, T> {
     /// Cuts lists whose offsets are set into tiles. Returns the offsets beside them.
     pub fn cut(lists: &'a mut Fragments<T>, width: u32) -> (Vec<Self>, &'a [i64]) {
-        let Fragments { offsets, depth, key, color, primitive } = lists;
+        let Fragments { offsets, depth, key, color, primitive, .. } = lists;
         let (mut depth, mut key) = (depth.as_mut_slice(), key.as_mut_slice());
         let (mut color, mut primitive) = (color.as_mut_slice(), primitive.as_mut_slice());
         let offsets: &[i64] = offsets;

@@ -6,7 +6,7 @@ use super::buffers::readable;
 use super::device::Gpu;
 use super::pool::{Pool, Rect};
 use crate::error::{Error, Result};
-use crate::fragments::Fragments;
+use crate::fragments::{Extras, Fragments};
 use crate::frame::out_of_memory;
 use crate::real::depth_of_key;
 use crate::threads::threads;
@@ -99,7 +99,7 @@ pub fn assemble(bands: Vec<BandLists>, width: u32, height: u32) -> Result<Fragme
             counts[at..at + row.counts.len()].copy_from_slice(&row.counts);
         }
     }
-    let mut all = Fragments::<f32>::with_counts(&counts)
+    let mut all = Fragments::<f32>::with_counts(&counts, Extras { coverage: false, blend: false })
         .ok_or_else(|| out_of_memory("fragment lists", counts.iter().map(|&n| n as u64).sum::<u64>() * 28))?;
     for band in bands {
         for (i, row) in band.rows.into_iter().enumerate() {
