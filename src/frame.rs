@@ -5,7 +5,7 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
 use crate::real::Real;
-use crate::samples::COUNTS;
+use crate::samples::check_samples;
 
 /// Which fragment lists come back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,6 +90,8 @@ pub struct Stats {
     pub bytes: Vec<(&'static str, u64)>,
     pub ms: Vec<(&'static str, f64)>,
     pub device: String,
+    /// Choices that were made on the way: what, which, why.
+    pub plan: Vec<(&'static str, String, String)>,
 }
 
 impl Stats {
@@ -104,6 +106,11 @@ impl Stats {
             Some((_, total)) => *total += ms,
             None => self.ms.push((name, ms)),
         }
+    }
+
+    /// Records a choice and its reason.
+    pub fn choose(&mut self, what: &'static str, choice: impl Into<String>, why: impl Into<String>) {
+        self.plan.push((what, choice.into(), why.into()));
     }
 
     /// Records bytes of a use, of which the largest counts.
@@ -145,9 +152,7 @@ impl Request {
                 self.width, self.height
             )));
         }
-        if !COUNTS.contains(&self.samples) {
-            return Err(Error::Parameter(format!("samples must be one of {COUNTS:?}, got {}", self.samples)));
-        }
+        check_samples(self.samples)?;
         let pixels = self.pixels();
         if let Background::Image(image) = background
             && image.len() != pixels

@@ -3,7 +3,7 @@
 //! The data goes one way: a [`scene::Scene`] and a [`camera::Camera`] enter a pipeline, the pipeline
 //! turns triangles into fragments, a method resolves each pixel's fragments into a colour, and a
 //! [`frame::Output`] leaves. Modules only look downwards:
-//! `python → render → {gpu, cpu, composite} → {frame, methods} → {fragments, scene, camera} → error`.
+//! `python → render → {gpu, cpu, composite} → resolve → {frame, methods} → {fragments, scene, camera} → error`.
 
 pub mod blend;
 pub mod camera;
@@ -17,6 +17,7 @@ pub mod methods;
 pub mod png;
 pub mod real;
 pub mod render;
+pub mod resolve;
 pub mod samples;
 pub mod scene;
 pub mod shader;

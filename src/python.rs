@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::camera::Camera;
-use crate::composite::composite as composite_lists;
+use crate::composite::{Lists as ListsOf, composite as composite_lists};
 use crate::error::Error;
 use crate::fragments::{Background, Fragments};
 use crate::frame::{BlendOrder, LimitPolicy, Lists, MsaaResolve, Output, Request, Sort, Stats};
@@ -20,6 +20,8 @@ use crate::methods::METHODS;
 use crate::png::encode;
 use crate::real::Real;
 use crate::render;
+use crate::resolve::Resolve;
+use crate::samples::check_samples;
 use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate, Scene};
 
 #[pymodule]
@@ -175,12 +177,7 @@ impl RequestParts {
             },
             memory: self.memory,
             samples: self.samples,
-            msaa_resolve: match self.msaa_resolve.as_str() {
-                "per_sample" => MsaaResolve::PerSample,
-                "hdr" => MsaaResolve::Hdr,
-                "none" => MsaaResolve::None,
-                _ => MsaaResolve::PerPixel,
-            },
+            msaa_resolve: msaa_of(&self.msaa_resolve),
             sort: match self.sort.as_str() {
                 "insertion" => Sort::Insertion,
                 "selection" => Sort::Selection,
@@ -198,6 +195,15 @@ impl RequestParts {
                 _ => BlendOrder::FrontToBack,
             },
         }
+    }
+}
+
+fn msaa_of(name: &str) -> MsaaResolve {
+    match name {
+        "per_sample" => MsaaResolve::PerSample,
+        "hdr" => MsaaResolve::Hdr,
+        "none" => MsaaResolve::None,
+        _ => MsaaResolve::PerPixel,
     }
 }
 
@@ -309,20 +315,21 @@ where
     let (h, w) = (request.height as usize, request.width as usize);
     let dict = PyDict::new(py);
     // (H, W, 4), or (H, W, S, 4) where there is a colour a sample.
-    let rgba = |pixels: Vec<[T; 4]>, samples: usize| -> PyResult<Bound<'py, PyAny>> {
+    let rgba = |pixels: Vec<[T; 4]>, samples: Option<usize>| -> PyResult<Bound<'py, PyAny>> {
         let flat = pixels.into_flattened().into_pyarray(py);
-        Ok(if samples > 1 {
-            flat.reshape([h, w, samples, 4])?.into_any()
-        } else {
-            flat.reshape([h, w, 4])?.into_any()
+        Ok(match samples {
+            Some(samples) => flat.reshape([h, w, samples, 4])?.into_any(),
+            None => flat.reshape([h, w, 4])?.into_any(),
         })
     };
-    dict.set_item("image", rgba(output.image, request.image_samples())?)?;
+    let apart = (request.msaa_resolve == MsaaResolve::None).then(|| request.image_samples());
+    dict.set_item("image", rgba(output.image, apart)?)?;
     if let Some(counts) = output.counts {
         dict.set_item("counts", counts.into_pyarray(py).reshape([h, w])?)?;
     }
     if let Some(background) = output.background {
-        dict.set_item("background", rgba(background, request.samples as usize)?)?;
+        let apart = (request.samples > 1).then_some(request.samples as usize);
+        dict.set_item("background", rgba(background, apart)?)?;
     }
     if let Some(Fragments { offsets, depth, key, color, primitive, coverage, blend }) = output.fragments {
         let n = color.len();
@@ -349,6 +356,7 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
         bytes,
         ms,
         device,
+        plan,
     } = stats;
     dict.set_item("fragments", fragments)?;
     dict.set_item("max_depth_complexity", max_depth_complexity)?;
@@ -362,28 +370,44 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
     }
     dict.set_item("ms", stages)?;
     dict.set_item("device", device)?;
+    dict.set_item("plan", plan)?;
     Ok(dict)
 }
 
-/// Composites captured lists in float64. `color` is (F, 4) float32 or float64.
+/// Composites captured lists in float64. `color` is (F, 4) float32 or float64; `background` one colour, or
+/// (H·W·samples, 4). Returns (H·W, 4), or with msaa_resolve "none" (H·W·samples, 4).
 #[pyfunction]
+#[pyo3(signature = (offsets, color, background, coverage, blend, samples, msaa_resolve, back_to_front))]
+#[allow(clippy::too_many_arguments)]
 fn composite<'py>(
     py: Python<'py>,
     offsets: PyReadonlyArray1<'py, i64>,
     color: Values<'py>,
-    background: &Bound<'py, PyAny>,
+    background: PyReadonlyArray2<'py, f64>,
+    coverage: Option<PyReadonlyArray1<'py, u32>>,
+    blend: Option<PyReadonlyArray1<'py, u8>>,
+    samples: u32,
+    msaa_resolve: &str,
+    back_to_front: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let parts = BackgroundParts::<f64>::of(background)?;
-    let background = parts.background()?;
+    let background = Background::Image(cast_slice(background.as_slice()?));
     let offsets = offsets.as_slice()?;
+    let coverage = coverage.as_ref().map(|a| a.as_slice()).transpose()?;
+    let blend = blend.as_ref().map(|a| a.as_slice()).transpose()?;
+    let resolve = Resolve {
+        samples: check_samples(samples)?,
+        msaa: msaa_of(msaa_resolve),
+        mixes: blend.is_some(),
+        order: if back_to_front { BlendOrder::BackToFront } else { BlendOrder::FrontToBack },
+    };
     let image = match &color {
         Values::F32(a) => {
             let color = cast_slice::<f32, [f32; 4]>(a.as_slice()?);
-            py.detach(|| composite_lists(offsets, color, background))?
+            py.detach(|| composite_lists(ListsOf { offsets, color, coverage, blend }, resolve, background))?
         }
         Values::F64(a) => {
             let color = cast_slice::<f64, [f64; 4]>(a.as_slice()?);
-            py.detach(|| composite_lists(offsets, color, background))?
+            py.detach(|| composite_lists(ListsOf { offsets, color, coverage, blend }, resolve, background))?
         }
     };
     let n = image.len();

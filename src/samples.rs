@@ -1,5 +1,7 @@
 //! Where a pixel's samples lie: the standard patterns that Vulkan and Direct3D share.
 
+use crate::error::{Error, Result};
+
 /// Offsets from the pixel's centre, right and down, in 1/16 pixel. Sample s is bit s of a coverage mask.
 pub type Offset = (i32, i32);
 
@@ -28,6 +30,19 @@ static SIXTEEN: [Offset; 16] = [
 
 /// The sample counts that there are patterns for.
 pub const COUNTS: [u32; 5] = [1, 2, 4, 8, 16];
+pub const MAX_SAMPLES: usize = 16;
+
+pub fn check_samples(samples: u32) -> Result<u32> {
+    match COUNTS.contains(&samples) {
+        true => Ok(samples),
+        false => Err(Error::Parameter(format!("samples must be one of {COUNTS:?}, got {samples}"))),
+    }
+}
+
+/// A mask of all samples.
+pub fn full(samples: u32) -> u32 {
+    u32::MAX >> (32 - samples)
+}
 
 /// The pattern of a sample count of [`COUNTS`]; the centre alone for any other.
 pub fn pattern(samples: u32) -> &'static [Offset] {

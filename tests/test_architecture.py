@@ -19,6 +19,7 @@ RANKS = [
     {"scene", "png", "samples", "shader", "threads"},
     {"camera", "fragments"},
     {"blend", "frame", "methods"},
+    {"resolve"},
     {"cpu", "gpu", "composite"},
     {"render"},
     {"python"},

@@ -25,8 +25,11 @@ FRAME = rendered()
 
 
 @st.composite
-def lists(draw, ties=False):
-    """Fragments of random lists, sorted; colours with alphas 0 and 1 among them."""
+def lists(draw, ties=False, samples=1, modes=False):
+    """Fragments of random lists, sorted; colours with alphas 0 and 1 among them.
+
+    samples: a pixel, whose masks are any, 0 too. modes: all named blend modes are there, and RGB is at most 1.
+    """
     height, width = draw(st.integers(0, 3)), draw(st.integers(0, 4))
     counts = draw(st.lists(st.integers(0, 5), min_size=height * width, max_size=height * width))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
@@ -40,30 +43,50 @@ def lists(draw, ties=False):
     color[:, :3] *= 10 ** rng.uniform(-3, 3, (n, 1))
     color[rng.random(n) < 0.2, 3] = 0
     color[rng.random(n) < 0.1, 3] = 1
+    if modes:
+        color[:, :3] = np.minimum(color[:, :3], 1)
     return ab.Fragments(
         (height, width),
         offsets,
         depth[order],
         color,
         primitive=primitive[order],
-        background=rng.uniform(0, 1, (height, width, 4)),
+        background=rng.uniform(0, 1, (height, width, *([samples] if samples > 1 else []), 4)),
+        coverage=rng.integers(0, 1 << samples, n) if samples > 1 else None,
+        samples=samples,
+        blend=rng.integers(0, len(ab.BLENDS), n) if modes else None,
     )
 
 
+FIELDS = ("offsets", "depth", "color", "primitive", "coverage", "blend", "background")
+
+
 def assert_same_lists(frags, other, *, keys=True):
-    assert frags.shape == other.shape
-    for field in ("offsets", "depth", "color", "primitive", "background", *(["key"] if keys else [])):
-        np.testing.assert_array_equal(getattr(frags, field), getattr(other, field), field)
+    assert (frags.shape, frags.samples, frags.blends) == (other.shape, other.samples, other.blends)
+    for field in (*FIELDS, *(["key"] if keys else [])):
+        ours, theirs = getattr(frags, field), getattr(other, field)
+        assert (ours is None) == (theirs is None), field
+        np.testing.assert_array_equal(ours, theirs, field)
 
 
 def test_assert_same_lists_sees_one_changed_value():
     offsets, depth, color = [0, 2], [1.0, 2.0], np.full((2, 4), 0.5)
-    frags = ab.Fragments((1, 1), offsets, depth, color)
-    for change in ({"depth": [1.0, 2.5]}, {"color": np.full((2, 4), 0.25)}, {"primitive": [0, 2]}, {"background": 1}):
+    arguments = {"offsets": offsets, "depth": depth, "color": color, "samples": 2, "blend": [0, 1]}
+    frags = ab.Fragments((1, 1), **arguments)
+    assert_same_lists(frags, ab.Fragments((1, 1), **arguments))
+    for change in (
+        {"depth": [1.0, 2.5]},
+        {"color": np.full((2, 4), 0.25)},
+        {"primitive": [0, 2]},
+        {"background": 1},
+        {"coverage": [3, 1]},
+        {"blend": [0, 2]},
+        {"blend": None},
+        {"samples": 4},
+        {"blends": (ab.Blend("dst"),)},
+    ):
         with pytest.raises(AssertionError):
-            assert_same_lists(
-                frags, ab.Fragments((1, 1), **{"offsets": offsets, "depth": depth, "color": color} | change)
-            )
+            assert_same_lists(frags, ab.Fragments((1, 1), **arguments | change))
 
 
 # what a render gives
@@ -90,6 +113,31 @@ def test_types_and_shapes_of_a_render():
     assert (frags.coverage, frags.blend, frags.samples) == (None, None, 1)
     assert frags.background.shape == (HEIGHT, WIDTH, 4)
     np.testing.assert_array_equal(frags.counts, FRAME.counts)
+
+
+@pytest.mark.parametrize("samples", [2, 4, 8, 16])
+def test_lists_of_several_samples_have_masks_and_a_background_a_sample(samples):
+    frame = rendered(samples=samples)
+    frags = frame.fragments
+    assert frags.samples == samples
+    assert (frags.coverage.shape, frags.coverage.dtype) == (frags.depth.shape, np.uint32)
+    assert 1 <= frags.coverage.min() < frags.coverage.max() == 2**samples - 1
+    assert frags.background.shape == (HEIGHT, WIDTH, samples, 4)
+    np.testing.assert_array_equal(frags.counts, frame.counts)
+
+
+def test_an_image_behind_several_samples_is_behind_each():
+    image = np.random.default_rng(1).random((HEIGHT, WIDTH, 4))
+    background = rendered(background=image, samples=4).fragments.background
+    np.testing.assert_array_equal(background, np.repeat(image[:, :, None], 4, axis=2))
+
+
+def test_lists_have_modes_where_a_scene_has_others_than_over():
+    over, additive = ab.Mesh(TRIANGLES[:30], colors=COLORS[:30]), ab.Mesh(TRIANGLES[30:], blend="additive")
+    frags = rendered(items=[over, additive]).fragments
+    assert frags.blend.dtype == np.uint8
+    np.testing.assert_array_equal(frags.blend, np.where(frags.primitive < 30, 0, ab.BLENDS.index("additive")))
+    assert rendered(items=over).fragments.blend is None
 
 
 def test_float64_renders_give_float64_lists():
@@ -197,8 +245,109 @@ def test_composite_over_another_background(background, straight):
     np.testing.assert_allclose(other.composite(), expected, rtol=1e-15)
 
 
+def resolved(samples, how):
+    """The definitions: what becomes of premultiplied samples (H, W, S, 4)."""
+    if how == "none":
+        return samples
+    weight = 1 / (1 + samples[..., :3].max(axis=-1, keepdims=True)) if how == "hdr" else 1 + 0 * samples[..., :1]
+    return (weight * samples).sum(axis=2) / weight.sum(axis=2)
+
+
+def sample_lists(frags, s):
+    """The lists of one sample alone."""
+    covers = (frags.coverage >> s & 1).astype(bool)
+    columns = {field: getattr(frags, field)[covers] for field in ("depth", "color", "primitive")}
+    offsets = np.concatenate([[0], np.cumsum(covers)])[frags.offsets]
+    return ab.Fragments(frags.shape, offsets, **columns, background=frags.background[:, :, s])
+
+
+RESOLVES = ("per_pixel", "per_sample", "hdr", "none")
+
+
+@settings(derandomize=True, deadline=None)
+@given(st.sampled_from([2, 4, 8, 16]).flatmap(lambda n: lists(samples=n)), st.sampled_from(RESOLVES))
+def test_composite_of_samples_is_the_composite_of_each_sample(frags, how):
+    samples = np.stack([composited(sample_lists(frags, s)) for s in range(frags.samples)], axis=2)
+    image = frags.composite(msaa_resolve=how)
+    assert image.shape == (samples.shape if how == "none" else samples[:, :, 0].shape)
+    # All terms are positive, at most 6 layers and 16 samples: a few roundings each.
+    np.testing.assert_allclose(image, resolved(samples, how), rtol=1e-12)
+
+
+def test_the_definition_notices_a_flipped_bit_of_a_mask():
+    arguments = ((1, 1), [0, 1], [1.0], [(1, 0, 0, 0.5)])
+    a, b = (ab.Fragments(*arguments, samples=4, coverage=[mask]) for mask in (0b0111, 0b0101))
+    samples = np.stack([composited(sample_lists(a, s)) for s in range(4)], axis=2)
+    for how in RESOLVES:
+        with pytest.raises(AssertionError):
+            np.testing.assert_allclose(b.composite(msaa_resolve=how), resolved(samples, how), rtol=1e-12)
+
+
+def test_each_way_to_resolve_samples_is_another():
+    """Half a pixel bright and opaque, half black: the mean, and what weighs the bright half by 1/10."""
+    color = [(9.0, 0, 0, 1)]
+    frags = ab.Fragments((1, 1), [0, 1], [1.0], color, coverage=[0b01], samples=2, background=(0, 0, 0, 1))
+    images = {how: frags.composite(msaa_resolve=how)[0, 0] for how in RESOLVES}
+    np.testing.assert_allclose(images["per_pixel"], (4.5, 0, 0, 1), rtol=1e-15)
+    np.testing.assert_array_equal(images["per_pixel"], images["per_sample"])
+    np.testing.assert_allclose(images["hdr"], (0.9 / 1.1, 0, 0, 1), rtol=1e-15)
+    np.testing.assert_array_equal(images["none"], [(9, 0, 0, 1), (0, 0, 0, 1)])
+
+
+def test_a_seam_of_two_triangles_in_a_pixel_does_not_show():
+    """Alpha times the share of samples that are covered would lose α²/4."""
+    halves = [(1, 1, 1, 0.6)] * 2
+    frags = ab.Fragments((1, 1), [0, 2], [1.0, 2.0], halves, coverage=[0b0011, 0b1100], samples=4)
+    np.testing.assert_allclose(frags.composite()[0, 0], 0.6, rtol=1e-15)
+
+
+@settings(derandomize=True, deadline=None)
+@given(st.sampled_from([1, 4]).flatmap(lambda n: lists(samples=n, modes=True)))
+def test_both_directions_of_blending_give_the_same_image(frags):
+    """Affine maps compose, whatever their order of evaluation; numbers are at most 6: some roundings of them."""
+    under, over = (frags.composite(blend_order=order) for order in ("front_to_back", "back_to_front"))
+    np.testing.assert_allclose(under, over, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("how", RESOLVES)
+@pytest.mark.parametrize("samples", [1, 4])
+def test_composite_gives_the_rendered_samples(samples, how):
+    wall = ab.Mesh(TRIANGLES[:2], opaque=True)
+    glass = ab.Mesh(TRIANGLES[2:40], colors=COLORS[2:40])
+    light = ab.Mesh(TRIANGLES[40:], colors=COLORS[40:], blend="screen")
+    options = {"samples": samples, "msaa_resolve": how, "precision": "float64", "background": (0.1, 0.2, 0.3, 0.4)}
+    frame = rendered(items=[wall, glass, light], **options)
+    assert len(np.unique(frame.fragments.background.reshape(-1, 4), axis=0)) > 1
+    np.testing.assert_allclose(frame.fragments.composite(msaa_resolve=how), frame.image, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("shape", [(4,), (1, 2, 4), (1, 2, 4, 4)])
+def test_samples_over_another_background(shape):
+    behind = np.random.default_rng(3).random(shape)
+    frags = ab.Fragments((1, 2), [0, 0, 0], [], [], samples=4, background=1)
+    samples = np.broadcast_to(behind[:, :, None] if len(shape) == 3 else behind, (1, 2, 4, 4))
+    expected = np.concatenate([samples[..., :3] * samples[..., 3:], samples[..., 3:]], axis=-1)
+    np.testing.assert_array_equal(frags.composite(background=behind, msaa_resolve="none"), expected)
+    other = ab.Fragments((1, 2), [0, 0, 0], [], [], samples=4, background=behind)
+    np.testing.assert_array_equal(other.background, samples)
+
+
+def test_backgrounds_of_samples_are_for_lists_of_samples():
+    one, four = (ab.Fragments((1, 2), [0, 0, 0], [], [], samples=n) for n in (1, 4))
+    with pytest.raises(ab.ParameterError, match=r"\(H, W, 3\|4\) with H, W = \(1, 2\), got shape \(1, 2, 4, 4\)"):
+        one.composite(background=np.zeros((1, 2, 4, 4)))
+    with pytest.raises(ab.ParameterError, match=r"or \(H, W, 4, 3\|4\) with .* got shape \(1, 2, 2, 4\)"):
+        four.composite(background=np.zeros((1, 2, 2, 4)))
+
+
 def test_composite_refuses_what_it_does_not_know():
     frags = FRAME.fragments
+    with pytest.raises(ab.ParameterError, match=r"msaa_resolve must be one of 'per_pixel'.* got 'per_pixl'; did you"):
+        frags.composite(msaa_resolve="per_pixl")
+    with pytest.raises(ab.ParameterError, match="blend_order must be one of 'front_to_back', 'back_to_front'"):
+        frags.composite(blend_order=1)
+    with pytest.raises(ab.ParameterError, match=r"did you mean 'msaa_resolve'.* options are msaa_resolve, blend_order"):
+        frags.composite(msa_resolve="hdr")
     with pytest.raises(ab.ParameterError, match=r"method must be one of .*'exact'"):
         frags.composite("exat")
     with pytest.raises(
@@ -259,7 +408,19 @@ def test_fragments_may_be_none_at_all():
         ({"key": np.array([1, 2], np.uint32)}, "key and primitive must be"),
         ({"primitive": [0.0, 1, 2]}, "primitive must be integers"),
         ({"primitive": [0, 1]}, "key and primitive must be"),
-        ({"primitive": [0, 1, 2**40]}, r"primitive\[2\] is 1099511627776: not an int32"),
+        ({"primitive": [0, 1, 2**40]}, r"primitive\[2\] is 1099511627776: out of int32's range"),
+        ({"coverage": [1, 1, 2]}, r"coverage\[2\] is 2: with samples=1 a mask is at most 0x1"),
+        ({"coverage": [1, 0, 1]}, r"coverage\[1\] is 0: with samples=1 every mask is 1"),
+        ({"coverage": [1, 16, 1], "samples": 4}, r"coverage\[1\] is 16: with samples=4 a mask is at most 0xf"),
+        ({"coverage": [1, -1, 1], "samples": 4}, r"coverage\[1\] is -1: out of uint32's range"),
+        ({"coverage": [1, 1], "samples": 4}, r"coverage must be \(3,\), got \(2,\)"),
+        ({"coverage": [1.0, 1, 1], "samples": 4}, "coverage must be integers"),
+        ({"blend": [0, 4, 5]}, r"blend\[2\] is 5: with 0 blends of your own ids run from 0 to 4"),
+        ({"blend": [0, 7, 5], "blends": (ab.Blend("dst"),)}, r"blend\[1\] is 7: with 1 blends .* from 0 to 5"),
+        ({"blend": [0, 300, 0]}, r"blend\[1\] is 300: out of uint8's range"),
+        ({"blend": [0, 1]}, r"blend must be \(3,\), got \(2,\)"),
+        ({"blend": ["over"] * 3}, "blend must be integers"),
+        ({"blend": [0, 0, 3], "color": np.full((3, 3), 1.5)}, r"color\[2, 0\] is 1.5 .*multiply and screen take RGB"),
     ],
 )
 def test_fragments_that_are_refused(change, message):
@@ -267,6 +428,25 @@ def test_fragments_that_are_refused(change, message):
     ab.Fragments(**sound)
     with pytest.raises(ab.SceneError, match=message):
         ab.Fragments(**sound | change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"samples": 3}, "samples must be one of 1, 2, 4, 8, 16, got 3"),
+        ({"blends": ("over",)}, r"blends must be abuffer.Blends, got \('over',\)"),
+    ],
+)
+def test_options_of_lists_that_are_refused(change, message):
+    with pytest.raises(ab.ParameterError, match=message):
+        ab.Fragments((1, 1), [0, 0], [], [], **change)
+
+
+def test_without_masks_every_sample_is_covered():
+    arguments = ((1, 1), [0, 2], [1.0, 2.0], np.full((2, 4), 0.5))
+    assert ab.Fragments(*arguments).coverage is None
+    assert ab.Fragments(*arguments, coverage=[1, 1]).coverage is None
+    np.testing.assert_array_equal(ab.Fragments(*arguments, samples=8).coverage, [255, 255])
 
 
 # indexing
@@ -301,6 +481,28 @@ def test_pixels_are_indexed_as_numpy_does():
 ends = st.none() | st.integers(-5, 5)
 
 
+def test_a_pixel_has_masks_and_modes_where_the_lists_do():
+    assert FRAME.fragments[0, 0].dtype.names == ("depth", "color", "primitive", "key")
+    frags = rendered(items=ab.Mesh(TRIANGLES, colors=COLORS, blend="screen"), samples=4).fragments
+    y, x = np.unravel_index(np.argmax(frags.counts), frags.shape)
+    records = frags[y, x]
+    assert records.dtype.names == ("depth", "color", "primitive", "key", "coverage", "blend")
+    assert (records.coverage.dtype, records.blend.dtype) == (np.uint32, np.uint8)
+    assert (records.blend == ab.BLENDS.index("screen")).all()
+    part = slice(*frags.offsets[y * WIDTH + x : y * WIDTH + x + 2])
+    np.testing.assert_array_equal(records.coverage, frags.coverage[part])
+
+
+@settings(derandomize=True, deadline=None)
+@given(lists(samples=4, modes=True), st.tuples(ends, ends), st.tuples(ends, ends))
+def test_a_slice_keeps_samples_masks_and_modes(frags, rows, columns):
+    ys, xs = slice(*rows), slice(*columns)
+    crop = frags[ys, xs]
+    assert crop.samples == 4
+    np.testing.assert_array_equal(crop.background, frags.background[ys, xs])
+    np.testing.assert_array_equal(crop.composite(msaa_resolve="none"), frags.composite(msaa_resolve="none")[ys, xs])
+
+
 @settings(derandomize=True, deadline=None)
 @given(lists(), st.tuples(ends, ends), st.tuples(ends, ends))
 def test_a_slice_holds_the_lists_of_its_pixels(frags, rows, columns):
@@ -333,6 +535,20 @@ def test_padded_and_back(frags):
     assert_same_lists(back, frags)
 
 
+@settings(derandomize=True, deadline=None)
+@given(lists(ties=True, samples=4, modes=True))
+def test_padded_and_back_with_masks_and_modes(frags):
+    padded = frags.to_padded()
+    assert (padded.coverage.dtype, padded.blend.dtype) == (np.uint32, np.uint8)
+    empty = ~np.isfinite(padded.depth)
+    assert not padded.coverage[empty].any() and not padded.blend[empty].any()
+    arrays = {"primitive": padded.primitive, "coverage": padded.coverage, "blend": padded.blend}
+    back = ab.Fragments.from_padded(
+        padded.depth, padded.color, **arrays, background=frags.background, samples=frags.samples
+    )
+    assert_same_lists(back, frags)
+
+
 def test_padded_and_back_of_a_render():
     frags = rendered(precision="float64").fragments
     padded = frags.to_padded()
@@ -348,7 +564,7 @@ def test_padded_keeps_the_nearest_and_counts_the_rest(frags, k):
     assert padded.depth.shape == (*frags.shape, k)
     assert padded.color.shape == (*frags.shape, k, 4)
     assert padded.dropped == np.maximum(frags.counts - k, 0).sum()
-    assert padded.coverage is None
+    assert padded.coverage is None and padded.blend is None
     for y in range(frags.shape[0]):
         for x in range(frags.shape[1]):
             records = frags[y, x][:k]
@@ -395,6 +611,9 @@ def test_from_padded_puts_the_later_of_equal_depths_in_front():
         (np.ones((2, 2, 1)), np.zeros((2, 2, 2, 4)), {}, r"got \(2, 2, 1\) and \(2, 2, 2, 4\)"),
         (np.ones((1, 1, 1)), np.full((1, 1, 1, 4), 2.0), {}, r"color\[0, 0, 0, 3\] is 2.0"),
         (np.ones((1, 1, 1)), np.zeros((1, 1, 1, 4)), {"primitive": [0]}, r"primitive must be \(1, 1, 1\)"),
+        (np.ones((1, 1, 1)), np.zeros((1, 1, 1, 4)), {"coverage": [1]}, r"coverage must be \(1, 1, 1\)"),
+        (np.ones((1, 1, 1)), np.zeros((1, 1, 1, 4)), {"blend": [[[5]]]}, r"blend\[0\] is 5"),
+        (np.ones((1, 1, 1)), np.zeros((1, 1, 1, 4)), {"coverage": [[[3]]]}, r"coverage\[0\] is 3: with samples=1"),
     ],
 )
 def test_padded_arrays_that_are_refused(depth, color, options, message):
@@ -495,6 +714,15 @@ def test_slices_keep_points_and_barycentric(camera):
     np.testing.assert_array_equal(crop.barycentric(MESH, camera), frags.barycentric(MESH, camera)[kept])
 
 
+@CAMERAS
+def test_points_of_samples_are_on_the_rays_through_centres_at_their_depth(camera):
+    frags = rendered(camera, precision="float64", samples=4).fragments
+    assert (frags.coverage < 15).any()  # some of which do not cover the centre
+    xy, depth = camera.project(frags.points(camera), WIDTH, HEIGHT)
+    np.testing.assert_allclose(xy, centers(frags), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(depth, frags.depth, rtol=1e-13)
+
+
 def test_points_of_a_fitted_camera():
     frags = rendered(None).fragments
     camera = ab.Camera.fit(MESH)
@@ -531,6 +759,24 @@ def test_to_pandas_has_one_row_a_fragment():
     np.testing.assert_array_equal(table.groupby(["y", "x"]).layer.max() + 1, frags.counts[frags.counts > 0])
 
 
+def test_to_pandas_has_masks_and_the_names_of_modes():
+    pytest.importorskip("pandas")
+    named, unnamed = ab.Blend("dst", name="nothing"), ab.Blend("src.rgb")
+    frags = ab.Fragments(
+        (1, 1),
+        [0, 3],
+        [1.0, 2, 3],
+        np.ones((3, 4)),
+        coverage=[1, 2, 3],
+        samples=2,
+        blend=[3, 5, 6],
+        blends=(named, unnamed),
+    )
+    table = frags.to_pandas()
+    assert table.coverage.tolist() == [1, 2, 3]
+    assert table.blend.tolist() == ["screen", "nothing", "Blend(wgsl='src.rgb')"]
+
+
 def test_to_pandas_of_a_slice_tells_where_in_the_whole_image():
     pytest.importorskip("pandas")
     frags = FRAME.fragments
@@ -546,6 +792,34 @@ def test_save_and_load(tmp_path):
     for path in (tmp_path / "lists.npz", str(tmp_path / "no ending")):
         frags.save(path)
         assert_same_lists(ab.Fragments.load(path), frags)
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(lists(samples=4, modes=True))
+def test_save_and_load_with_masks_and_modes(tmp_path_factory, frags):
+    path = tmp_path_factory.mktemp("lists") / "a.npz"
+    frags.save(path)
+    assert_same_lists(ab.Fragments.load(path), frags)
+
+
+def test_a_file_of_version_1_loads(tmp_path):
+    """As abuffer wrote it before there were samples and modes."""
+    frags = rendered(background=(0.1, 0.2, 0.3, 0.4)).fragments
+    arrays = {name: getattr(frags, name) for name in ("offsets", "depth", "key", "color", "primitive")}
+    arrays |= {"shape": np.array(frags.shape), "window": np.array((0, 0, *frags.shape))}
+    arrays |= {"background": np.array((0.1, 0.2, 0.3, 0.4))}
+    arrays |= {"format": np.array('{"abuffer": "fragments", "version": 1}')}
+    np.savez_compressed(tmp_path / "old.npz", **arrays)
+    assert_same_lists(ab.Fragments.load(tmp_path / "old.npz"), frags)
+
+
+def test_a_file_of_a_later_version_is_refused(tmp_path):
+    FRAME.fragments.save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as arrays:
+        later = dict(arrays) | {"format": np.array('{"abuffer": "fragments", "version": 3}')}
+    np.savez(tmp_path / "b.npz", **later)
+    with pytest.raises(ab.ParameterError, match=r"b.npz' is of a newer abuffer, format 3: this one reads 2"):
+        ab.Fragments.load(tmp_path / "b.npz")
 
 
 def test_a_saved_slice_keeps_its_place(tmp_path):
@@ -576,3 +850,4 @@ def test_fragments_pickle():
 
 def test_repr_counts():
     assert repr(FRAME.fragments) == f"Fragments({HEIGHT}×{WIDTH} pixels, {len(FRAME.fragments)} fragments)"
+    assert repr(ab.Fragments((1, 2), [0, 0, 0], [], [], samples=4)) == "Fragments(1×2 pixels of 4 samples, 0 fragments)"

@@ -1,5 +1,6 @@
 """What a render returns: types, display, files."""
 
+import dataclasses
 import io
 import pickle
 import warnings
@@ -82,6 +83,33 @@ def test_stats_and_plan_are_readable():
     assert all(what in str(frame.plan) and why in repr(frame.plan) for what, _, why in frame.plan)
     with pytest.raises(KeyError):
         frame.plan["weather"]
+
+
+def test_samples_stay_apart_if_asked_for():
+    frame = rendered(samples=4, msaa_resolve="none")
+    assert frame.image.shape == frame.straight.shape == (24, 32, 4, 4)
+    assert rendered(samples=1, msaa_resolve="none").image.shape == (24, 32, 1, 4)
+    assert rendered(samples=4).image.shape == (24, 32, 4)
+    assert repr(frame).startswith("Frame(24×32 of 4 samples, ")
+    assert repr(rendered()).startswith("Frame(24×32, ")
+
+
+def test_samples_are_averaged_to_be_shown():
+    frame, mean = (rendered(samples=4, msaa_resolve=how, precision="float64") for how in ("none", "per_pixel"))
+    assert (frame.image.std(axis=2) > 0.01).any()
+    np.testing.assert_array_equal(frame.to_uint8(), mean.to_uint8())
+    np.testing.assert_array_equal(frame.to_uint8(srgb=True, background=0.5), mean.to_uint8(srgb=True, background=0.5))
+    np.testing.assert_array_equal(opened(io.BytesIO(frame._repr_png_())), mean.to_uint8())
+
+
+def test_colour_that_exceeds_alpha_in_one_sample_may_not_do_so_in_the_mean():
+    frame = layer(0.5, 0.5, 0.5, 0.5)
+    samples = np.stack([frame.image, frame.image], axis=2)
+    samples[:, :, 0, :3], samples[:, :, 1, :3] = 0.8, 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pixels = dataclasses.replace(frame, image=samples).to_uint8()
+    np.testing.assert_array_equal(pixels[0, 0], (204, 204, 204, 128))
 
 
 # straight
@@ -197,6 +225,17 @@ def test_an_npz_holds_everything(tmp_path, asked):
         if asked is True:
             for field in ("offsets", "depth", "key", "color", "primitive", "background"):
                 np.testing.assert_array_equal(getattr(loaded.fragments, field), getattr(frame.fragments, field))
+
+
+def test_an_npz_holds_samples_and_blend_modes(tmp_path):
+    item = ab.Mesh(TRIANGLES, colors=COLORS, blend="additive")
+    frame = rendered(item, samples=4, msaa_resolve="none", fragments=True, background=(0.1, 0.2, 0.3, 0.4))
+    frame.save(tmp_path / "x.npz")
+    loaded = ab.Frame.load(tmp_path / "x.npz")
+    np.testing.assert_array_equal(loaded.image, frame.image)
+    assert loaded.fragments.samples == 4
+    for field in ("coverage", "blend", "background"):
+        np.testing.assert_array_equal(getattr(loaded.fragments, field), getattr(frame.fragments, field))
 
 
 def test_other_endings_are_refused(tmp_path):

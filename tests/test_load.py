@@ -402,6 +402,14 @@ def test_opaque_false_overrides_the_alpha_mode_and_counts_the_alpha(tmp_path):
     assert (mesh.opaque, mesh.colors[3], mesh.alpha_cutoff) == (False, 0.25, None)
 
 
+def test_a_blend_is_for_what_the_alpha_mode_does_not_make_opaque(tmp_path):
+    assert alpha_mode(tmp_path, "BLEND", blend="additive").blend == "additive"
+    assert alpha_mode(tmp_path, "OPAQUE", blend="additive", opaque=False).blend == "additive"
+    assert alpha_mode(tmp_path, "OPAQUE").blend == "over"
+    with pytest.raises(ab.ParameterError, match="opaque surfaces are not blended: give opaque=False"):
+        alpha_mode(tmp_path, "OPAQUE", blend="additive")
+
+
 def test_opaque_true_overrides_the_alpha_mode(tmp_path):
     assert alpha_mode(tmp_path, "BLEND", opaque=True).opaque is True
 

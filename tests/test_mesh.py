@@ -249,8 +249,11 @@ def test_alpha_multiplies_the_colours_alpha():
         ("alpha", np.nan, "alpha must be .* got nan"),
         ("alpha", [0.5], r"alpha must be a number, got \[0.5\]"),
         ("alpha", True, "alpha must be a number, got True"),
-        ("blend", "additive", "blend must be one of 'over', got 'additive'"),
+        ("blend", "add", "blend must be one of 'over', 'additive', .* got 'add'"),
         ("blend", "ovr", "did you mean 'over'"),
+        ("blend", "dst + src.rgb", "a blend of your own is an abuffer.Blend"),
+        ("blend", max, "a blend of your own is an abuffer.Blend"),
+        ("blend", None, "blend must be one of"),
         ("cull", "both", "cull must be one of None, 'back', 'front', got 'both'"),
         ("cull", False, "cull must be one of None, 'back', 'front', got False"),
         ("opaque", "no", "opaque must be True or False, got 'no'"),
@@ -268,6 +271,42 @@ def test_an_alpha_cutoff_is_for_opaque_meshes():
         ab.Mesh(TRIANGLE, alpha_cutoff=0.5)
     with pytest.raises(ab.ParameterError, match="alpha_cutoff must be between"):
         ab.Mesh(TRIANGLE, opaque=True, alpha_cutoff=-0.1)
+
+
+LIGHTEN = ab.Blend("max(dst, src.rgb)", max)
+
+
+@pytest.mark.parametrize("blend", [*ab.BLENDS, LIGHTEN])
+def test_a_mesh_keeps_its_blend(blend):
+    mesh = ab.Mesh(TRIANGLE, blend=blend)
+    assert mesh.blend is blend
+    assert mesh.transformed(np.eye(4)).replaced(alpha=0.5).blend is blend
+
+
+def test_without_a_blend_it_is_over():
+    assert ab.Mesh(TRIANGLE).blend == "over"
+
+
+@pytest.mark.parametrize("blend", [*ab.BLENDS[1:], LIGHTEN])
+def test_opaque_meshes_are_not_blended(blend):
+    ab.Mesh(TRIANGLE, opaque=True, blend="over")
+    with pytest.raises(ab.ParameterError, match=r"not blended: give opaque=False, or blend=\"over\" instead of"):
+        ab.Mesh(TRIANGLE, opaque=True, blend=blend)
+
+
+@pytest.mark.parametrize("blend", ["multiply", "screen"])
+def test_multiply_and_screen_take_rgb_up_to_one(blend):
+    ab.Mesh(TRIANGLE, colors=(1, 1, 1, 1), blend=blend)
+    colors = np.array([(0, 0.5, 1, 1), (0, 0.5, 1.5, 1), (2, 0, 0, 1)])
+    with pytest.raises(ab.SceneError, match=r"colors\[1, 2\] is 1.5 \(2 such values\): .*multiply and screen take RGB"):
+        ab.Mesh(TRIANGLE, colors=colors, blend=blend)
+    with pytest.raises(ab.SceneError, match=r"colors\[0, 2, 1\] is 1.0000001"):
+        ab.Mesh(TRIANGLE, colors=[[(0, 0, 0), (0, 0, 0), (0, np.float32(1.0000001), 0)]], blend=blend)
+
+
+@pytest.mark.parametrize("blend", ["over", "additive", "premultiplied", LIGHTEN])
+def test_other_blends_take_any_rgb(blend):
+    assert ab.Mesh(TRIANGLE, colors=(7.0, 0, 0), blend=blend).colors[0] == 7
 
 
 def test_numpy_scalars_are_numbers_and_flags():
@@ -310,6 +349,7 @@ def test_copies_are_equal_and_read_only(copied):
     for field in ab.Mesh.__slots__:
         np.testing.assert_array_equal(getattr(other, field), getattr(mesh, field))
     assert not other.positions.flags.writeable
+    assert copied(ab.Mesh(TRIANGLE, blend=LIGHTEN)).blend == LIGHTEN
 
 
 def test_replaced_changes_what_is_named():
@@ -321,6 +361,8 @@ def test_replaced_changes_what_is_named():
 
 def test_repr_tells_what_is_there():
     assert repr(ab.Mesh(SQUARE, TWO, opaque=True)) == "Mesh(2 faces, 4 vertices, one color, opaque)"
+    assert repr(ab.Mesh(TRIANGLE, blend="screen")) == "Mesh(1 face, 3 vertices, one color, screen)"
+    assert repr(ab.Mesh(TRIANGLE, blend=ab.Blend("dst"))) == "Mesh(1 face, 3 vertices, one color, Blend(wgsl='dst'))"
 
 
 # transforms

@@ -127,6 +127,32 @@ def test_options_of_a_mesh_are_kept_unless_given():
     assert (changed.opaque, changed.alpha_cutoff, changed.cull) == (True, 0.5, "front")
 
 
+@pytest.mark.parametrize("kind", ["mesh", "scene", "list", "trimesh"])
+def test_blend_replaces_the_items_own(kind):
+    mesh = triangle(blend="multiply")
+    item = {"mesh": mesh, "scene": ab.Scene(mesh), "list": [mesh]}.get(kind)
+    if item is None:
+        item = pytest.importorskip("trimesh").Trimesh(TRIANGLE, [(0, 1, 2)])
+    scene = ab.Scene()
+    own = ab.Blend("dst")
+    for blend in ("additive", own):
+        assert one(scene.add(item, blend=blend)).blend is blend
+    assert one(scene.add(item)).blend == ("over" if kind == "trimesh" else "multiply")
+
+
+def test_a_blend_goes_with_the_other_options_that_are_given_with_it():
+    """What the item's own blend would refuse does not matter."""
+    multiplied = triangle(blend="multiply")
+    assert one(ab.Scene().add(multiplied, blend="over", opaque=True)).opaque
+    assert one(ab.Scene().add(multiplied, blend="over", color=(2.0, 0, 0))).colors[0] == 2
+    assert one(ab.Scene().add(triangle(opaque=True), blend="screen", opaque=False)).blend == "screen"
+    assert one(ab.Scene().add(triangle(opaque=True), blend="screen", alpha=0.5)).blend == "screen"
+    with pytest.raises(ab.ParameterError, match="give opaque=False"):
+        ab.Scene().add(triangle(opaque=True), blend="screen")
+    with pytest.raises(ab.ParameterError, match="give opaque=False"):
+        ab.Scene().add(multiplied, opaque=True)
+
+
 @pytest.mark.parametrize(
     ("own", "options", "opaque", "cutoff"),
     [
@@ -161,6 +187,8 @@ def test_an_alpha_below_one_makes_it_translucent_unless_opaque_is_given(own, opt
         ({"opaque": "yes"}, ab.ParameterError, "opaque must be True or False"),
         ({"alpha_cutoff": 0.5}, ab.ParameterError, "alpha_cutoff is for opaque meshes: give opaque=True"),
         ({"blend": "add"}, ab.ParameterError, "blend must be one of"),
+        ({"blend": "additive", "opaque": True}, ab.ParameterError, "not blended: give opaque=False"),
+        ({"blend": "screen", "color": (2.0, 0, 0)}, ab.SceneError, r"colors\[0\] is 2.0: blend modes multiply and"),
         ({"cull": "none"}, ab.ParameterError, "cull must be one of"),
         ({"space": "rgb"}, ab.ParameterError, "space must be one of 'srgb', 'linear', got 'rgb'"),
         ({"shade": (0, 0, 0)}, ab.ParameterError, "shade is .*direction"),

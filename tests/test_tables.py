@@ -30,6 +30,9 @@ OLD = adapter("Voodoo 1", "discrete", lacks="storage buffers that fragment shade
 SOFTWARE = adapter("softpipe (2 cores)", "software")
 
 
+ON_GPU = pytest.mark.parametrize("pipeline", ["linked_list", "prefix_sum"])
+
+
 @pytest.fixture
 def machine(monkeypatch):
     """Says which adapters this machine has, best first, and what ABUFFER_DEVICE is."""
@@ -47,8 +50,10 @@ def machine(monkeypatch):
 def chosen(device="auto", pipeline="auto", precision="float32"):
     """The adapter's place, None for the CPU, and the plan's rows by what they are about, as `render` gets them."""
     plan = []
-    place = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
-    return place, {what: (choice, why) for what, choice, why in plan}
+    place, which = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
+    plan = {what: (choice, why) for what, choice, why in plan}
+    assert which == plan["pipeline"][0]
+    return place, plan
 
 
 def refused(error, **kw):
@@ -93,7 +98,8 @@ def test_a_table_without_rows_prints_as_none():
 def test_there_is_one_method_and_a_pipeline_for_each_kind_of_device():
     assert list(ab.methods()) == ["exact"]
     assert ab.methods()["exact"]["order"] == "front_to_back"
-    assert {key: row["runs on"] for key, row in ab.pipelines().items()} == {"tiles": "cpu", "linked_list": "gpu"}
+    runs_on = {key: row["runs on"] for key, row in ab.pipelines().items()}
+    assert runs_on == {"tiles": "cpu", "linked_list": "gpu", "prefix_sum": "gpu"}
 
 
 def test_every_method_renders():
@@ -111,7 +117,8 @@ def test_devices_tell_kind_driver_and_what_runs_on_them(machine):
     machine(LARGE, OLD, SOFTWARE)
     devices = ab.devices()
     assert list(devices) == ["cpu", "Voodoo 2 SLI", "Voodoo 1", "softpipe (2 cores)"]
-    wanted = {"kind": "discrete", "backend": "vulkan", "driver": "of a test", "pipelines": "linked_list"}
+    wanted = {"kind": "discrete", "backend": "vulkan", "driver": "of a test"}
+    wanted |= {"pipelines": "linked_list, prefix_sum"}
     assert devices["Voodoo 2 SLI"] == wanted
     assert devices["Voodoo 1"]["pipelines"] == "none: lacks storage buffers that fragment shaders can write"
     assert devices["softpipe (2 cores)"]["kind"] == "software"
@@ -193,14 +200,21 @@ def test_a_real_render_says_the_same(machine):
     assert frame.stats.device == "cpu"
 
 
-def test_auto_with_a_pipeline_that_only_a_gpu_has_is_the_best_adapter_even_a_software_one(machine):
+@ON_GPU
+def test_auto_with_a_pipeline_that_only_a_gpu_has_is_the_best_adapter_even_a_software_one(machine, pipeline):
     machine(LARGE, SOFTWARE)
-    assert chosen(pipeline="linked_list")[0] == 0
+    assert chosen(pipeline=pipeline)[0] == 0
     machine(SOFTWARE)
-    place, plan = chosen(pipeline="linked_list")
+    place, plan = chosen(pipeline=pipeline)
     assert place == 0
     assert plan["device"][0] == "softpipe (2 cores), a software driver"
-    assert plan["pipeline"] == ("linked_list", "as asked")
+    assert plan["pipeline"] == (pipeline, "as asked")
+
+
+@ON_GPU
+def test_a_pipeline_of_gpus_outweighs_an_abuffer_device_that_is_the_cpu(machine, pipeline):
+    machine(LARGE, environment="cpu")
+    assert chosen(pipeline=pipeline)[0] == 0
 
 
 def test_auto_with_the_cpus_pipeline_or_precision_is_the_cpu(machine):
@@ -247,7 +261,7 @@ def test_a_name_that_nothing_has_is_an_error_that_lists_all(machine):
 
 def test_gpu_without_an_adapter_is_an_error(machine):
     machine()
-    for kw in ({"device": "gpu"}, {"pipeline": "linked_list"}):
+    for kw in ({"device": "gpu"}, {"pipeline": "linked_list"}, {"pipeline": "prefix_sum"}):
         assert "no GPU adapter" in refused(ab.DeviceError, **kw)
 
 
@@ -306,10 +320,13 @@ def test_float64_on_a_gpu_is_a_wrong_argument(machine):
         assert 'device="cpu"' in refused(ab.ParameterError, device=device, precision="float64")
 
 
-def test_linked_list_on_the_cpu_is_a_wrong_argument(machine):
+@ON_GPU
+def test_a_pipeline_of_gpus_on_the_cpu_is_a_wrong_argument(machine, pipeline):
     machine(LARGE)
-    assert 'device="gpu"' in refused(ab.ParameterError, device="cpu", pipeline="linked_list")
-    assert 'device="gpu"' in refused(ab.ParameterError, precision="float64", pipeline="linked_list")
+    for kw in ({"device": "cpu"}, {"precision": "float64"}):
+        text = refused(ab.ParameterError, pipeline=pipeline, **kw)
+        assert f'"{pipeline}" needs a GPU' in text
+        assert 'device="gpu"' in text
 
 
 def test_tiles_on_a_gpu_are_not_there_yet(machine):
@@ -323,8 +340,9 @@ def test_tiles_on_a_gpu_are_not_there_yet(machine):
 def test_the_plan_of_a_render_has_a_reason_for_each_choice(monkeypatch):
     monkeypatch.delenv("ABUFFER_DEVICE", raising=False)
     plan = ab.render(TRIANGLE, CAMERA, width=8, height=8, device="cpu").plan
-    assert [what for what, _, _ in plan] == ["device", "pipeline", "bands"]
-    assert all(choice and why for _, choice, why in plan)
+    assert [what for what, _, _ in plan][:2] == ["device", "pipeline"]
+    assert "bands" in {what for what, _, _ in plan}
+    assert all(isinstance(part, str) and part for row in plan for part in row)
     assert str(plan).splitlines()[0] == "device: cpu (as asked)"
 
 

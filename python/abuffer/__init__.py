@@ -1,6 +1,7 @@
 """Exact order-independent transparency, with the per-pixel fragment lists behind the image."""
 
 from . import _core, testing
+from .blend import BLENDS, Blend
 from .camera import Camera
 from .errors import (
     AbufferError,
@@ -13,7 +14,7 @@ from .errors import (
 )
 from .fragments import Fragments
 from .frame import Frame
-from .mesh import BLENDS, Mesh
+from .mesh import Mesh
 from .render import render, render_triangles
 from .scene import Scene
 from .tables import devices, methods, pipelines
@@ -21,6 +22,7 @@ from .tables import devices, methods, pipelines
 __all__ = [
     "BLENDS",
     "AbufferError",
+    "Blend",
     "Camera",
     "CapacityError",
     "DeviceError",

@@ -166,16 +166,21 @@ def straight_rgba(name, values, error=SceneError):
     return np.ascontiguousarray(array)
 
 
-def background(value, shape):
-    """A background as straight RGBA, (4,) or (H, W, 4): grey, (3|4,) or (H, W, 3|4) given."""
+def background(value, shape, samples=1):
+    """A background as straight RGBA, (4,) or (H, W, 4): grey, (3|4,) or (H, W, 3|4) given.
+
+    With several samples a pixel it may also be (H, W, samples, 3|4).
+    """
+    wanted = "grey, (3|4,) or (H, W, 3|4)"
+    if samples > 1:
+        wanted = f"grey, (3|4,), (H, W, 3|4) or (H, W, {samples}, 3|4)"
     if value is None:
-        raise ParameterError("background must be grey, (3|4,) or (H, W, 3|4), got None: (0, 0, 0, 0) is transparent")
+        raise ParameterError(f"background must be {wanted}, got None: (0, 0, 0, 0) is transparent")
     array = array_of_numbers("background", value, "fiub", ParameterError)
     array = straight_rgba("background", np.repeat(array, 3) if array.ndim == 0 else array, ParameterError)
-    if array.ndim != 1 and array.shape != (*shape, 4):
-        raise ParameterError(
-            f"background must be grey, (3|4,) or (H, W, 3|4) with H, W = {shape}, got shape {np.shape(value)}"
-        )
+    shapes = [(4,), (*shape, 4)] + ([(*shape, samples, 4)] if samples > 1 else [])
+    if array.shape not in shapes:
+        raise ParameterError(f"background must be {wanted} with H, W = {shape}, got shape {np.shape(value)}")
     return array
 
 

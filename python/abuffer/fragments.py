@@ -1,15 +1,17 @@
 """Per-pixel fragment lists."""
 
-import json
 import operator
 
 import numpy as np
 
-from . import _check, _core
+from . import _check, _core, archive, columns, geometry, options
+from .blend import BLENDS, composite, require, resolve
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
 
 METHODS = tuple(row[0] for row in _core.methods())
+OPTIONS = ("msaa_resolve", "blend_order")
+FIELDS = ("depth", "color", "primitive", "key", "coverage", "blend")  # of the fragments; the last two may be None
 
 
 class Fragments:
@@ -25,7 +27,13 @@ class Fragments:
         color: (F, 4) straight RGBA.
         key: (F,) unsigned, what was sorted by, smaller in front. None: made from the depth.
         primitive: (F,) int32. None: counted from 0 in each pixel.
-        background: straight, behind the lists: grey, (3|4,) or (H, W, 3|4).
+        background: straight, behind the lists: grey, (3|4,) or (H, W, 3|4), or with several samples
+            (H, W, samples, 3|4). Kept as (H, W, 4) or (H, W, samples, 4).
+        coverage: (F,) uint32 masks of the samples that a fragment covers, bit s for sample s of the standard
+            pattern. None: all of them; it stays None where there is one sample.
+        blend: (F,) uint8, how a fragment blends: an index in `abuffer.BLENDS`, or 5 + an index in `blends`. None: over.
+        samples: a pixel: 1, 2, 4, 8 or 16.
+        blends: the `Blend`s that ids of 5 and more name.
 
     Raises:
         SceneError: arrays that do not fit together, a depth that is not finite, or a list that is not sorted.
@@ -37,17 +45,26 @@ class Fragments:
     [1.0, 2.0]
     """
 
-    coverage = None
-    blend = None
-    samples = 1
-
-    def __init__(self, shape, offsets, depth, color, key=None, primitive=None, background=(0, 0, 0, 0)):
+    def __init__(
+        self,
+        shape,
+        offsets,
+        depth,
+        color,
+        key=None,
+        primitive=None,
+        background=(0, 0, 0, 0),
+        coverage=None,
+        blend=None,
+        samples=1,
+        blends=(),
+    ):
         try:
             height, width = (operator.index(n) for n in shape)
         except (TypeError, ValueError):
             raise SceneError(f"shape must be (H, W), got {shape!r}") from None
         self.shape = (height, width)
-        self.offsets = _integers("offsets", offsets, np.int64)
+        self.offsets = columns.integers("offsets", offsets, np.int64)
         self.depth = np.ascontiguousarray(_check.floats(_check.array_of_numbers("depth", depth, "fiu")))
         _check.first_bad("depth", ~np.isfinite(self.depth), self.depth, "depths must be finite")
         self.color = _check.straight_rgba("color", np.zeros((0, 4)) if np.size(color) == 0 else color)
@@ -59,32 +76,56 @@ class Fragments:
             raise SceneError(
                 f"offsets end at {self.offsets[-1]}, but depth is {self.depth.shape} and color {self.color.shape}"
             )
-        self.key = _orderable(self.depth) if key is None else _check.array_of_numbers("key", key, "u")
+        self.key = columns.orderable(self.depth) if key is None else _check.array_of_numbers("key", key, "u")
         if primitive is None:
             primitive = self.layer
-        self.primitive = _integers("primitive", primitive, np.int32)
+        self.primitive = columns.integers("primitive", primitive, np.int32)
         if self.key.shape != (n,) or self.primitive.shape != (n,):
             raise SceneError(f"key and primitive must be ({n},), got {self.key.shape} and {self.primitive.shape}")
         unsorted = (np.diff(self.pixel) == 0) & (self.key[1:] < self.key[:-1])
         if unsorted.any():
             y, x = divmod(int(self.pixel[1:][unsorted][0]), width)
             raise SceneError(f"the list of pixel [{y}, {x}] is not sorted front to back")
-        self.background = np.broadcast_to(_check.background(background, self.shape), (height, width, 4))
+        self.samples = options.samples(samples)
+        self.coverage = columns.masks(coverage, n, self.samples)
+        self.blends = columns.as_blends(blends)
+        self.blend = columns.modes(blend, self.color, self.blends)
+        self.background = self._behind(_check.background(background, self.shape, self.samples))
         self._window = (0, 0, height, width)
 
     @classmethod
-    def _of(cls, shape, parts, background):
+    def _of(cls, shape, parts, background, samples=1, blends=()):
         """From the core's arrays, which are known to be sound."""
         self = cls.__new__(cls)
-        self.shape = shape
-        for field in ("offsets", "depth", "key", "color", "primitive"):
-            setattr(self, field, parts[field])
-        self.background = np.broadcast_to(background, (*shape, 4))
+        self.shape, self.samples, self.blends = shape, samples, blends
+        self.offsets = parts["offsets"]
+        for name in FIELDS:
+            setattr(self, name, parts.get(name))
+        self.background = self._behind(background)
         self._window = (0, 0, *shape)
         return self
 
+    def _behind(self, background):
+        """A background in any of its shapes as (H, W, 4), or (H, W, samples, 4) with several samples."""
+        if self.samples == 1:
+            return np.broadcast_to(background, (*self.shape, 4))
+        if background.ndim == 3:
+            background = background[:, :, None]
+        return np.broadcast_to(background, (*self.shape, self.samples, 4))
+
     @classmethod
-    def from_padded(cls, depth, color, *, primitive=None, background=(0, 0, 0, 0)):
+    def from_padded(
+        cls,
+        depth,
+        color,
+        *,
+        primitive=None,
+        background=(0, 0, 0, 0),
+        coverage=None,
+        blend=None,
+        samples=1,
+        blends=(),
+    ):
         """From dense arrays, such as `to_padded` and other renderers give.
 
         Args:
@@ -92,9 +133,11 @@ class Fragments:
             color: (H, W, K, 3|4) straight.
             primitive: (H, W, K) integers. None: 0 to K − 1. Of equal depths the greater is in front, as if
                 painted last: give it, or ties come out in reverse.
-            background: as in `Fragments`.
+            coverage, blend: (H, W, K) integers, as in `Fragments`.
+            background, samples, blends: as in `Fragments`.
         """
-        return cls(**unpad(depth, color, primitive), background=background)
+        lists = unpad(depth, color, primitive, coverage, blend)
+        return cls(**lists, background=background, samples=samples, blends=blends)
 
     @property
     def counts(self) -> np.ndarray:
@@ -116,7 +159,8 @@ class Fragments:
 
     def __repr__(self):
         height, width = self.shape
-        return f"Fragments({height}×{width} pixels, {len(self)} fragments)"
+        samples = "" if self.samples == 1 else f" of {self.samples} samples"
+        return f"Fragments({height}×{width} pixels{samples}, {len(self)} fragments)"
 
     def __getitem__(self, index):
         if not (isinstance(index, tuple) and len(index) == 2):
@@ -126,16 +170,17 @@ class Fragments:
         y, x = (_wrapped(i, n) for i, n in zip(index, self.shape, strict=True))
         pixel = y * self.shape[1] + x
         part = slice(self.offsets[pixel], self.offsets[pixel + 1])
-        dtype = [
-            ("depth", self.depth.dtype),
-            ("color", self.color.dtype, 4),
-            ("primitive", np.int32),
-            ("key", self.key.dtype),
-        ]
+        present = self._present()
+        dtype = [(name, values.dtype, values.shape[1:]) for name, values in present.items()]
         records = np.recarray(part.stop - part.start, dtype=dtype)
-        for field, *_ in dtype:
-            records[field] = getattr(self, field)[part]
+        for name, values in present.items():
+            records[name] = values[part]
         return records
+
+    def _present(self) -> dict:
+        """What is known of each fragment, by name."""
+        fields = {name: getattr(self, name) for name in FIELDS}
+        return {name: values for name, values in fields.items() if values is not None}
 
     def _cropped(self, index):
         ranges = []
@@ -152,75 +197,95 @@ class Fragments:
         first = self.offsets[:-1].reshape(self.shape)[y0:y1, x0:x1].ravel()
         offsets = np.concatenate([[0], np.cumsum(counts)])
         taken = np.arange(offsets[-1]) + np.repeat(first - offsets[:-1], counts)
-        parts = {f: getattr(self, f)[taken] for f in ("depth", "key", "color", "primitive")}
-        crop = Fragments._of((y1 - y0, x1 - x0), parts | {"offsets": offsets}, self.background[y0:y1, x0:x1])
+        parts = {name: values[taken] for name, values in self._present().items()} | {"offsets": offsets}
+        behind = self.background[y0:y1, x0:x1]
+        crop = Fragments._of((y1 - y0, x1 - x0), parts, behind, self.samples, self.blends)
         oy, ox, height, width = self._window
         crop._window = (oy + y0, ox + x0, height, width)
         return crop
 
-    def composite(self, method="exact", background=None, **options) -> np.ndarray:
+    def composite(self, method="exact", background=None, **chosen) -> np.ndarray:
         """The image of these lists, (H, W, 4) float64, premultiplied.
 
         Args:
             method: one of `abuffer.methods()`.
-            background: straight, grey, (3|4,) or (H, W, 3|4). None: the lists' own, with the opaque surfaces that
-                are not in the lists; any other replaces those too, unless render got fragments="all".
+            background: straight, grey, (3|4,), (H, W, 3|4), or with several samples (H, W, samples, 3|4). None: the
+                lists' own, with the opaque surfaces that are not in the lists; any other replaces those too, unless
+                render got fragments="all".
+            msaa_resolve: "per_pixel" (default), "per_sample", "hdr", or "none" for (H, W, samples, 4), as in `render`.
+            blend_order: "front_to_back" (default) or "back_to_front", as in `render`. Lists with a `Blend` are
+                composited back to front by its `numpy` in any case.
+
+        Raises:
+            ParameterError: an option that is none of these, or a `Blend` without `numpy`.
         """
         _check.choice("method", method, METHODS)
-        _check.arguments("composite", options, (), f"method {method!r}", ("method", "background"))
-        background = self.background if background is None else _check.background(background, self.shape)
-        image = np.ascontiguousarray(np.broadcast_to(background, (*self.shape, 4)), dtype=np.float64)
-        return _core.composite(self.offsets, self.color, image).reshape(*self.shape, 4)
+        _check.arguments("composite", chosen, OPTIONS, f"method {method!r}", ("method", "background"))
+        msaa_resolve = _check.choice("msaa_resolve", chosen.get("msaa_resolve", "per_pixel"), options.MSAA_RESOLVES)
+        order = _check.choice("blend_order", chosen.get("blend_order", "front_to_back"), options.BLEND_ORDERS)
+        behind = self.background
+        if background is not None:
+            behind = self._behind(_check.background(background, self.shape, self.samples))
+        behind = np.ascontiguousarray(behind, dtype=np.float64)
+        if self.blend is not None and (self.blend >= len(BLENDS)).any():
+            image = self._by_layers(msaa_resolve, behind)
+        else:
+            image = _core.composite(
+                self.offsets,
+                self.color,
+                behind.reshape(-1, 4),
+                self.coverage,
+                self.blend,
+                self.samples,
+                msaa_resolve,
+                order == "back_to_front",
+            )
+        each = (self.samples,) if msaa_resolve == "none" else ()
+        return image.reshape(*self.shape, *each, 4)
+
+    def _by_layers(self, msaa_resolve, behind=None, kept=None):
+        """`composite` in numpy, for lists that a user's own Blends are in: (H·W, 4) or (H·W, samples, 4).
+
+        Args:
+            behind: the background. None: the lists' own.
+            kept: (F,) bool, the fragments to composite. None: all.
+        """
+        behind = self.background if behind is None else behind
+        own = columns.as_blends(self.blends)  # which may have been set anew
+        columns.modes(self.blend, self.color, own)
+        require(own, "numpy", "compositing lists")
+        names = ("color", "depth", "coverage", "blend")
+        offsets, lists = self.offsets, [getattr(self, name) for name in names]
+        if kept is not None:
+            offsets = np.concatenate([[0], np.cumsum(kept)])[offsets]
+            lists = [None if values is None else values[kept] for values in lists]
+        samples = composite(offsets, *lists, behind.reshape(-1, self.samples, 4), own)
+        return resolve(samples, msaa_resolve)
 
     def to_padded(self, k=None) -> Padded:
         """The k nearest fragments of each pixel as dense arrays. None: as many as the deepest pixel has."""
         return pad(self, k)
 
     def points(self, camera) -> np.ndarray:
-        """World positions of the fragments, (F, 3) float64: on the ray through the pixel's centre."""
-        view, projection, ndc = self._rays(camera)
-        # Solve the x and y rows of the projection for the eye position at the known depth.
-        z = -self.depth.astype(np.float64)
-        w = projection[3, 2] * z + projection[3, 3]
-        known = ndc * w[:, None] - np.outer(z, projection[:2, 2]) - projection[:2, 3]
-        eye = np.column_stack([known @ np.linalg.inv(projection[:2, :2]).T, z])
-        return (eye - view[:3, 3]) @ np.linalg.inv(view[:3, :3]).T
+        """World positions of the fragments, (F, 3) float64: on the ray through the pixel's centre, at their depth.
+
+        With several samples, a fragment that does not cover the centre has the depth of its lowest covered sample;
+        which fragments those are, a mask does not tell, and the ray is the centre's all the same.
+        """
+        return geometry.points(self, camera)
 
     def barycentric(self, scene, camera) -> np.ndarray:
-        """Perspective-correct barycentric coordinates in each fragment's triangle, (F, 3) float64.
+        """Perspective-correct barycentric coordinates of the pixel's centre in each fragment's triangle, (F, 3) float64.
 
-        At an edge they may leave [0, 1] by what snapping to 1/256 pixel moves it. A triangle that has no area on
-        the screen before that gives (1, 0, 0).
+        At an edge they may leave [0, 1] by what snapping to 1/256 pixel moves it; with several samples by up to half
+        a pixel, where a triangle covers samples but not the centre. A triangle that has no area on the screen before
+        that gives (1, 0, 0).
         """
-        from .scene import as_scene
-
-        view, projection, ndc = self._rays(camera)
-        result = np.empty((len(self), 3))
-        triangles = as_scene(scene).triangles()
-        if len(self) and not 0 <= self.primitive.min() <= self.primitive.max() < len(triangles):
-            named = f"{self.primitive.min()} to {self.primitive.max()}"
-            raise ParameterError(f"the lists name primitives {named}, the scene has {len(triangles)}: another scene?")
-        to_clip = (projection @ view)[[0, 1, 3]]
-        for start in range(0, len(self), 1 << 18):  # bounds the corners that are held at once
-            part = slice(start, start + (1 << 18))
-            clip = triangles[self.primitive[part]] @ to_clip[:, :3].T + to_clip[:, 3]
-            # Relative to the pixel's ray, b is the null vector of the corners' (x, y): two cross products.
-            x, y = (clip[..., i] - ndc[part, None, i] * clip[..., 2] for i in (0, 1))
-            b = np.stack([x[:, i] * y[:, j] - x[:, j] * y[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
-            b[b.sum(axis=1) == 0] = 1, 0, 0
-            result[part] = b / b.sum(axis=1, keepdims=True)
-        return result
-
-    def _rays(self, camera):
-        """The camera's matrices for the whole image, and each fragment's pixel centre in NDC, (F, 2)."""
-        y0, x0, height, width = self._window
-        view, projection = camera.matrices(width, height)
-        y, x = np.divmod(self.pixel, self.shape[1])
-        centers = np.column_stack([x + x0 + 0.5, y + y0 + 0.5])
-        return view, projection, (centers / (width, height) - 0.5) * (2, -2)
+        return geometry.barycentric(self, scene, camera)
 
     def to_pandas(self):
-        """A table, one row a fragment: y, x, layer (0 in front), depth, r, g, b, a, primitive.
+        """A table, one row a fragment: y, x, layer (0 in front), depth, r, g, b, a, primitive, and coverage and
+        blend (the mode's name) where there are such.
 
         y and x are those of the whole image, also where the lists are a slice of it.
         """
@@ -230,9 +295,14 @@ class Fragments:
             raise UnsupportedError("to_pandas needs pandas: pip install pandas") from e
         y, x = np.divmod(self.pixel, self.shape[1])
         y0, x0, *_ = self._window
-        columns = {"y": y + y0, "x": x + x0, "layer": self.layer, "depth": self.depth}
-        columns |= dict(zip("rgba", self.color.T, strict=True)) | {"primitive": self.primitive}
-        return pd.DataFrame(columns)
+        table = {"y": y + y0, "x": x + x0, "layer": self.layer, "depth": self.depth}
+        table |= dict(zip("rgba", self.color.T, strict=True)) | {"primitive": self.primitive}
+        if self.coverage is not None:
+            table["coverage"] = self.coverage
+        if self.blend is not None:
+            names = np.array([*BLENDS, *(own.name or repr(own) for own in self.blends)], dtype=object)
+            table["blend"] = names[self.blend]
+        return pd.DataFrame(table)
 
     def save(self, path):
         """Writes an .npz that `load` reads."""
@@ -241,60 +311,21 @@ class Fragments:
 
     @classmethod
     def load(cls, path):
-        """Reads what `save` wrote."""
-        return cls._from_arrays(read_npz(path), path)
+        """Reads what `save` wrote.
+
+        A file keeps the WGSL text of Blends, not their callables: set `blends` anew to composite such lists.
+        """
+        return cls._from_arrays(archive.read_npz(path), path)
 
     def _arrays(self):
-        uniform = (self.background == self.background[:1, :1]).all() if self.background.size else False
-        return {
-            "shape": np.array(self.shape),
-            "offsets": self.offsets,
-            "depth": self.depth,
-            "key": self.key,
-            "color": self.color,
-            "primitive": self.primitive,
-            "window": np.array(self._window),
-            "background": self.background[0, 0] if uniform else self.background,
-            "format": np.array(json.dumps({"abuffer": "fragments", "version": 1})),
-        }
+        return archive.to_arrays(self)
 
     @classmethod
     def _from_arrays(cls, arrays, path):
-        wanted = {"shape", "offsets", "depth", "key", "color", "primitive", "background", "window"}
-        missing = wanted - set(arrays)
-        if missing:
-            raise SceneError(f"{str(path)!r} holds no fragment lists: {', '.join(sorted(missing))} missing")
-        fields = {f: arrays[f] for f in ("offsets", "depth", "color", "key", "primitive", "background")}
-        self = cls(tuple(arrays["shape"]), **fields)
-        self._window = tuple(int(v) for v in arrays["window"])
+        fields, window = archive.from_arrays(arrays, path)
+        self = cls(**fields)
+        self._window = window
         return self
-
-
-def read_npz(path) -> dict:
-    """The arrays of an .npz. Only what the system refuses, a missing file say, stays an OSError."""
-    try:
-        with open(_check.path(path), "rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return dict(arrays)
-    except (OSError, MemoryError):
-        raise
-    except Exception as e:  # numpy's, zipfile's and zlib's, whichever notices first
-        raise ParameterError(f"{str(path)!r} is not an .npz that abuffer saved") from e
-
-
-def _integers(name, values, dtype):
-    """`values` as a contiguous array of `dtype`; empty ones of any kind will do."""
-    array = np.zeros(0, dtype) if np.size(values) == 0 else _check.array_of_numbers(name, values, "iu")
-    limits = np.iinfo(dtype)
-    _check.first_bad(name, (array < limits.min) | (array > limits.max), array, f"not an {limits.dtype}")
-    return np.ascontiguousarray(array, dtype)
-
-
-def _orderable(depth):
-    """Unsigned integers in the order of the depths; −0 counts as +0."""
-    kind = np.uint32 if depth.dtype == np.float32 else np.uint64
-    bits = (depth + 0).view(kind)
-    sign = kind(1) << kind(8 * depth.itemsize - 1)
-    return np.where(bits & sign, ~bits, bits | sign)
 
 
 def _wrapped(index, n):

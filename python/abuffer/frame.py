@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from . import _check, _core
+from . import _check, _core, archive
 from ._srgb import encode_srgb
 from .camera import Camera
 from .errors import ParameterError
-from .fragments import Fragments, read_npz
+from .fragments import Fragments
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class Frame:
     """An image and the fragment lists behind it.
 
     Attributes:
-        image: (H, W, 4) float32, or float64 if asked for; row 0 on top, premultiplied, over the background.
+        image: (H, W, 4) float32, or float64 if asked for; row 0 on top, premultiplied, over the background. With
+            msaa_resolve="none" the samples, (H, W, samples, 4).
         counts: (H, W) int32 fragments a pixel, None unless render got fragments=True, "all" or "count".
         fragments: the lists, None unless render got fragments=True or "all".
         stats: what was measured.
@@ -70,18 +71,18 @@ class Frame:
     camera: Camera | None = None
 
     def __repr__(self):
-        height, width = self.image.shape[:2]
-        return f"Frame({height}×{width}, {self.stats})"
+        height, width, *samples, _ = self.image.shape
+        return f"Frame({height}×{width}{f' of {samples[0]} samples' if samples else ''}, {self.stats})"
 
     @property
     def straight(self) -> np.ndarray:
-        """The image with alpha divided out, (H, W, 4): for imshow, PIL and PNG. 0 where alpha is 0."""
+        """The image with alpha divided out, of its shape: for imshow, PIL and PNG. 0 where alpha is 0."""
         alpha = self.image[..., 3:]
         rgb = np.divide(self.image[..., :3], alpha, out=np.zeros_like(self.image[..., :3]), where=alpha > 0)
         return np.concatenate([rgb, alpha], axis=-1)
 
     def to_uint8(self, srgb=False, background=None) -> np.ndarray:
-        """For display: (H, W, 4) uint8, straight.
+        """For display: (H, W, 4) uint8, straight. Samples are averaged first.
 
         Args:
             srgb: encode RGB with the sRGB transfer function; give it if your colours are linear light.
@@ -91,6 +92,8 @@ class Frame:
         warning. Colours over 1 are cut to 1, with a warning.
         """
         image = self.image.astype(np.float64)
+        if image.ndim == 4:
+            image = image.mean(axis=2)
         if background is not None:
             behind = _check.background(background, image.shape[:2])
             behind = np.concatenate([behind[..., :3] * behind[..., 3:], behind[..., 3:]], axis=-1)
@@ -137,7 +140,7 @@ class Frame:
     @classmethod
     def load(cls, path):
         """Reads an .npz that `save` wrote."""
-        arrays = read_npz(path)
+        arrays = archive.read_npz(path)
         missing = {"image", "stats", "plan"} - set(arrays)
         if missing:
             raise ParameterError(f"{str(path)!r} holds no frame: {', '.join(sorted(missing))} missing")

@@ -63,6 +63,7 @@ def meshes(
     opaque=None,
     alpha_cutoff=None,
     cull=None,
+    blend=None,
     space="srgb",
     transform=None,
     shade=False,
@@ -81,6 +82,7 @@ def meshes(
             material's own alpha, MASK sets `alpha_cutoff`. True or False overrides alphaMode.
         alpha_cutoff: alpha below which an opaque mesh has a hole. None: that of a MASK material.
         cull: None, "back" or "front". None is two-sided, whatever a glTF's doubleSided says.
+        blend: as in `Mesh`. None: "over".
         space: what the linear colours of PBR materials are brought to, "srgb" or "linear". Other colours are
             taken as they are.
         transform: (4, 4), `M @ column`, applied after the nodes' own.
@@ -108,7 +110,7 @@ def meshes(
     result = []
     for part, look in zip(parts, looks, strict=True):
         arguments = _colors_and_alpha(look, alpha, opaque, alpha_cutoff, own=color is None)
-        mesh = Mesh(*_world(part), **arguments, cull=cull, name=part.name)
+        mesh = Mesh(*_world(part), **arguments, cull=cull, blend="over" if blend is None else blend, name=part.name)
         result.append(mesh if shade is False else lambert(mesh, shade, normals=_file_normals(part)))
     textured = sum(look.textured for look in looks)
     if textured:

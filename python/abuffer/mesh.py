@@ -3,9 +3,9 @@
 import numpy as np
 
 from . import _check
+from .blend import AT_MOST_ONE, Blend, checked, id_of, over_one
 from .errors import ParameterError, SceneError
 
-BLENDS = ("over",)
 COLOR_MODES = ("one", "vertex", "face", "corner")
 DEFAULT_COLOR = (0.30, 0.55, 0.85, 0.5)
 
@@ -21,14 +21,18 @@ class Mesh:
             integers may only be 0 and 1. Three channels have alpha 1.
         color_mode: "one", "vertex", "face" or "corner"; needed only where N == M leaves it open.
         alpha: in [0, 1], multiplies the colours' alpha.
-        blend: "over".
-        opaque: hides what is behind; alpha is then ignored.
+        blend: one of `BLENDS`, or a `Blend` of your own: what it does to the colour d behind it, c and α its own.
+            "over": d(1−α) + αc; "additive": d + αc; "multiply": d(1−α+αc); "screen": 1 − (1−d)(1−αc);
+            "premultiplied": d(1−α) + c. Modes may be mixed in a scene. Alpha is raised by over and premultiplied
+            alone. multiply and screen take RGB up to 1.
+        opaque: hides what is behind; alpha is then ignored, and blend must be "over".
         alpha_cutoff: of an opaque mesh, in [0, 1]: fragments of less alpha are discarded.
         cull: "back" or "front" drops that side; counter-clockwise is the front. None: two-sided.
         name: for people.
 
     Raises:
         SceneError: wrong shape or dtype, a non-finite or negative value, a face index out of range.
+        ParameterError: an option that is none of the above, or two that do not go together.
 
     >>> Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], colors=(1, 0, 0, .5))
     Mesh(1 face, 3 vertices, one color)
@@ -74,12 +78,18 @@ class Mesh:
             alpha_cutoff = _check.number("alpha_cutoff", alpha_cutoff, 0, 1)
             if not opaque:
                 raise ParameterError("alpha_cutoff is for opaque meshes: give opaque=True with it")
+        blend = checked(blend)
+        if opaque and blend != "over":
+            raise ParameterError(
+                f'opaque surfaces are not blended: give opaque=False, or blend="over" instead of {blend!r}'
+            )
+        over_one(colors, blend in AT_MOST_ONE, "colors", SceneError)
         fields = {
             "positions": positions,
             "faces": faces,
             "colors": colors,
             "color_mode": color_mode,
-            "blend": _check.choice("blend", blend, BLENDS),
+            "blend": blend,
             "opaque": opaque,
             "alpha_cutoff": alpha_cutoff,
             "cull": _check.choice("cull", cull, (None, "back", "front")),
@@ -99,8 +109,9 @@ class Mesh:
     def __repr__(self):
         faces = "1 face" if self.face_count == 1 else f"{self.face_count} faces"
         opaque = ", opaque" if self.opaque else ""
+        blend = "" if self.blend == "over" else f", {self.blend}"
         name = f"{self.name!r}, " if self.name else ""
-        return f"Mesh({name}{faces}, {len(self.positions)} vertices, {self.color_mode} color{opaque})"
+        return f"Mesh({name}{faces}, {len(self.positions)} vertices, {self.color_mode} color{opaque}{blend})"
 
     @property
     def face_count(self) -> int:
@@ -142,8 +153,8 @@ class Mesh:
     def _fields(self) -> dict:
         return {field: getattr(self, field) for field in Mesh.__slots__}
 
-    def _parts(self) -> dict:
-        """As the core takes it."""
+    def _parts(self, own: tuple[Blend, ...]) -> dict:
+        """As the core takes it. `own`: the scene's Blends, by which their ids go."""
         colors = self.colors.reshape(-1, 4)
         return {
             "positions": self.positions,
@@ -153,7 +164,7 @@ class Mesh:
             "opaque": self.opaque,
             "alpha_cutoff": self.alpha_cutoff or 0.0,
             "cull": self.cull,
-            "blend": BLENDS.index(self.blend),
+            "blend": id_of(self.blend, own),
         }
 
 

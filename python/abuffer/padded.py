@@ -14,8 +14,9 @@ class Padded(NamedTuple):
     depth: np.ndarray  # (H, W, k), inf where there is no fragment
     color: np.ndarray  # (H, W, k, 4) straight, 0 there
     primitive: np.ndarray  # (H, W, k) int32, −1 there
-    coverage: None
+    coverage: np.ndarray | None  # (H, W, k) uint32 masks, 0 there; None with one sample a pixel
     dropped: int  # fragments behind the first k of their pixels
+    blend: np.ndarray | None = None  # (H, W, k) uint8, 0 there; None where all are over
 
 
 def pad(frags, k) -> Padded:
@@ -27,16 +28,25 @@ def pad(frags, k) -> Padded:
     layer = frags.layer
     kept = layer < k
     at = frags.pixel[kept], layer[kept]
-    shape = (len(counts), k)
-    depth = np.full(shape, np.inf, frags.depth.dtype)
-    color = np.zeros((*shape, 4), frags.color.dtype)
-    primitive = np.full(shape, -1, np.int32)
-    depth[at], color[at], primitive[at] = frags.depth[kept], frags.color[kept], frags.primitive[kept]
-    whole = (*frags.shape, k)
-    return Padded(depth.reshape(whole), color.reshape(*whole, 4), primitive.reshape(whole), None, int((~kept).sum()))
+
+    def padded(values, empty):
+        if values is None:
+            return None
+        array = np.full((len(counts), k, *values.shape[1:]), empty, values.dtype)
+        array[at] = values[kept]
+        return array.reshape(*frags.shape, *array.shape[1:])
+
+    return Padded(
+        padded(frags.depth, np.inf),
+        padded(frags.color, 0),
+        padded(frags.primitive, -1),
+        padded(frags.coverage, 0),
+        int((~kept).sum()),
+        padded(frags.blend, 0),
+    )
 
 
-def unpad(depth, color, primitive) -> dict:
+def unpad(depth, color, primitive, coverage=None, blend=None) -> dict:
     """The arguments of `Fragments`."""
     depth = _check.floats(_check.array_of_numbers("depth", depth, "fiu"))
     if depth.ndim != 3 or np.shape(color) not in ((*depth.shape, 3), (*depth.shape, 4)):
@@ -48,16 +58,15 @@ def unpad(depth, color, primitive) -> dict:
     height, width, k = depth.shape
     if primitive is None:
         primitive = np.broadcast_to(np.arange(k, dtype=np.int32), depth.shape)
-    primitive = _check.array_of_numbers("primitive", primitive, "iu")
-    if primitive.shape != depth.shape:
-        raise SceneError(f"primitive must be {depth.shape} as depth is, got {primitive.shape}")
+    columns = {"depth": depth, "color": color}
+    for name, values in (("primitive", primitive), ("coverage", coverage), ("blend", blend)):
+        if values is not None:
+            values = _check.array_of_numbers(name, values, "iu")
+            if values.shape != depth.shape:
+                raise SceneError(f"{name} must be {depth.shape} as depth is, got {values.shape}")
+            columns[name] = values
     pixel, slot = np.divmod(np.flatnonzero(filled), max(k, 1))
-    depth, primitive, color = depth[filled], primitive[filled], color[filled]
-    order = np.lexsort((slot, -primitive.astype(np.int64), depth, pixel))
-    return {
-        "shape": (height, width),
-        "offsets": np.concatenate([[0], np.cumsum(filled.sum(axis=2))]),
-        "depth": depth[order],
-        "color": color[order],
-        "primitive": primitive[order],
-    }
+    columns = {name: values[filled] for name, values in columns.items()}
+    order = np.lexsort((slot, -columns["primitive"].astype(np.int64), columns["depth"], pixel))
+    lists = {name: values[order] for name, values in columns.items()}
+    return lists | {"shape": (height, width), "offsets": np.concatenate([[0], np.cumsum(filled.sum(axis=2))])}

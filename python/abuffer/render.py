@@ -8,11 +8,15 @@ import re
 import numpy as np
 
 from . import _check, _core, tables
+from .blend import own_blends, require
 from .camera import Camera, _size
-from .errors import ParameterError, UnsupportedError
+from .errors import ParameterError
 from .fragments import Fragments
 from .frame import Frame, Plan, Stats
+from .layers import render_by_layers
 from .mesh import Mesh
+from .options import OPTIONS, all_of
+from .options import samples as checked_samples
 from .scene import as_scene
 
 
@@ -43,12 +47,33 @@ def render(
         device: "auto", "cpu", "gpu" or a part of a device's name. "auto" is a real GPU if there is one, else
             the CPU; the environment variable ABUFFER_DEVICE sets what it means. "gpu" is the best adapter: a
             software driver where there is no other.
-        samples: 1.
+        samples: a pixel: 1, 2, 4, 8 or 16; all of them on the CPU, those that it has on a GPU.
         background: straight: grey, (3|4,) or (H, W, 3|4). Three channels have alpha 1.
         fragments: True: the lists too; "count": their lengths; "all": opaque surfaces too, hiding nothing. False:
             the frame's `fragments` and `counts` are None.
         precision: "float32", or "float64" on the CPU.
         memory: bytes, or "2GiB", that lists, bins and scratch may take; not what is returned.
+
+    Options of every pipeline:
+        msaa_resolve: what becomes of a pixel's samples. "per_pixel", the default: their mean, all made in one walk
+            over the pixel's list. "per_sample": the same numbers, with a walk a sample. "hdr": a mean that weighs
+            each by 1 / (1 + its largest colour channel). "none": the image is the samples, (H, W, samples, 4).
+        sort: how lists are sorted, "auto" (default), "insertion", "selection", "bitonic", "merge" or "heap". The image
+            is the same.
+        max_sorted_fragments: composite at most so many fragments a pixel; `stats.dropped_fragments` says how many
+            others there were. Lists that are returned are whole. None, the default: all, whatever their number.
+        limit_policy: which those are, "nearest" (default) or "last_submitted", of the greatest primitives.
+        blend_order: "front_to_back" (default) or "back_to_front": the direction in which sorted fragments are
+            blended. The image is the same up to rounding. A scene with a `Blend` always goes back to front.
+
+    Options of pipelines linked_list and prefix_sum:
+        node_format: what a fragment is stored as. "float32", the default, loses nothing; "rgba8_depth32",
+            "rgba8_depth24_coverage8", "rgb565_depth16" and "rgb9e5_alpha8_depth24" (colours over 1) are smaller and
+            round colour and depth to so many bits.
+        resolve: "compute" (default) or "fragment": the kind of shader that turns lists into colours. The image is
+            the same.
+        resolve_classes: up to 8 rising list lengths from 1 to 64, default (1, 4, 8, 16, 32). Each pixel is resolved
+            with room for the least of these that holds its list, longer ones apart. The image is the same.
 
     Raises:
         SceneError, ParameterError, DeviceError, UnsupportedError, CapacityError: see `abuffer.errors`.
@@ -63,10 +88,8 @@ def render(
     if isinstance(precision, (type, np.dtype)):  # np.float64, say
         precision = np.dtype(precision).name
     _check.choice("precision", precision, ("float32", "float64"))
-    _check.arguments("render", options, (), f"method {method!r}", ARGUMENTS)
-    if isinstance(samples, (bool, np.bool_)) or not isinstance(samples, (int, np.integer)) or samples != 1:
-        more = isinstance(samples, (int, np.integer)) and samples > 1
-        raise (UnsupportedError if more else ParameterError)(f"samples must be 1, got {samples!r}")
+    _check.arguments("render", options, OPTIONS, f"method {method!r}", ARGUMENTS)
+    samples = checked_samples(samples)
     if isinstance(fragments, np.bool_):
         fragments = bool(fragments)
     if not (isinstance(fragments, bool) or (isinstance(fragments, str) and fragments in ("count", "all"))):
@@ -80,28 +103,32 @@ def render(
     camera = camera._at(width, height)
     background = _check.background(background, (height, width))
     plan = []
-    adapter = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
-    request = {
+    adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
+    own = own_blends(mesh.blend for mesh in scene.meshes)
+    require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
+    request = all_of(options, pipeline) | {
         "width": width,
         "height": height,
         "lists": {False: "none", True: "translucent"}.get(fragments, fragments),
         "memory": _bytes(memory),
-        "samples": 1,
-        "msaa_resolve": "per_pixel",
-        "sort": "auto",
-        "max_sorted_fragments": None,
-        "limit_policy": "nearest",
-        "blend_order": "front_to_back",
+        "samples": samples,
+        "pipeline": pipeline,
+        "blends": [blend.wgsl for blend in own],
     }
-    parts = [mesh._parts() for mesh in scene.meshes]
+    parts = [mesh._parts(own) for mesh in scene.meshes]
     view = camera._parts(width, height)
     dtype = np.float64 if precision == "float64" else np.float32
     behind = np.ascontiguousarray(background, dtype) if background.ndim == 3 else background.astype(np.float64).tolist()
-    if adapter is None:
-        output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
-    else:
+    if adapter is not None:
         output = _core.render_gpu(adapter, parts, view, request, behind)
-    return _frame(output, scene, camera, plan, (height, width), background, fragments)
+    elif own:
+        output = render_by_layers(parts, view, request, behind, dtype, own)
+        plan.append(
+            ("blend", "back to front, in numpy", "a Blend is no affine map: what it gives depends on what lies behind")
+        )
+    else:
+        output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
+    return _frame(output, request, scene, camera, plan, background, own)
 
 
 ARGUMENTS = tuple(name for name in inspect.signature(render).parameters if name != "options")
@@ -118,12 +145,13 @@ def render_triangles(positions, colors, camera, **kw) -> Frame:
     return render(Mesh(positions, colors=colors), camera, **kw)
 
 
-def _frame(output, scene, camera, plan, shape, background, asked):
-    stats = output["stats"]
+def _frame(output, request, scene, camera, plan, background, own):
+    stats, shape, samples = output["stats"], (request["height"], request["width"]), request["samples"]
+    plan += [tuple(row) for row in stats.pop("plan", ())]
     plan.append(
         ("bands", str(stats["bands"]), "all fits in memory" if stats["bands"] == 1 else "to stay within memory")
     )
-    if asked and stats["fragments"] == 0 and scene.triangle_count:
+    if request["lists"] != "none" and stats["fragments"] == 0 and scene.triangle_count:
         opaque = [mesh.opaque for mesh in scene.meshes if mesh.face_count]
         why = (
             'every mesh is opaque, and opaque surfaces are the background: fragments="all" lists them'
@@ -133,8 +161,10 @@ def _frame(output, scene, camera, plan, shape, background, asked):
         plan.append(("fragments", "none", why))
     lists = None
     if "offsets" in output:
-        lists = Fragments._of(shape, output, output.get("background", background))
-    return Frame(output["image"], output.get("counts"), lists, Stats(**stats), Plan(plan), camera)
+        lists = Fragments._of(shape, output, output.get("background", background), samples, own)
+    each = (samples,) if request["msaa_resolve"] == "none" else ()
+    image = output["image"].reshape(*shape, *each, 4)
+    return Frame(image, output.get("counts"), lists, Stats(**stats), Plan(plan), camera)
 
 
 def _image_size(width, height, camera, background):

@@ -5,6 +5,7 @@ import numbers
 import numpy as np
 
 from . import _check, load
+from .blend import checked
 from .errors import ParameterError, SceneError
 from .mesh import Mesh
 from .shade import lambert
@@ -54,7 +55,8 @@ class Scene:
             alpha: in [0, 1], multiplies their alpha.
             transform: (4, 4), `M @ column`, applied in float64.
             name: as in Mesh; of several meshes, "name/own name".
-            blend, cull: as in Mesh. None: the item's own.
+            blend, cull: as in Mesh. None: the item's own. Any blend but "over" is for what is translucent: give
+                opaque=False for a glTF whose alphaMode is OPAQUE or MASK.
             opaque: None: the item's own, unless `alpha`, or the alpha of `color`, is below 1: that makes it
                 translucent. A glTF's alphaMode decides: OPAQUE ignores its alpha, MASK sets alpha_cutoff,
                 BLEND is translucent. Other files are translucent.
@@ -79,11 +81,12 @@ class Scene:
             "opaque": None if opaque is None else _check.flag("opaque", opaque),
             "alpha_cutoff": alpha_cutoff,
             "cull": cull,
+            "blend": None if blend is None else checked(blend),
             "transform": None if transform is None else _check.affine("transform", transform),
             "shade": shade,
         }
         meshes = _meshes(item, look, space)
-        added = [_changed(mesh, alpha=alpha, blend=blend, name=_named(name, mesh, len(meshes))) for mesh in meshes]
+        added = [_changed(mesh, alpha=alpha, name=_named(name, mesh, len(meshes))) for mesh in meshes]
         self._meshes += added
         return added
 
@@ -169,12 +172,12 @@ def _meshes(item, look, space):
     )
 
 
-def _redone(mesh, *, color, alpha, opaque, alpha_cutoff, cull, transform, shade):
+def _redone(mesh, *, color, alpha, opaque, alpha_cutoff, cull, blend, transform, shade):
     if opaque is None and mesh.opaque and alpha_cutoff is None and load.is_faded(alpha, color):
         opaque = False
     if opaque is False and mesh.alpha_cutoff is not None:
         mesh = mesh.replaced(opaque=False, alpha_cutoff=None)
-    mesh = _changed(mesh, colors=color, opaque=opaque, alpha_cutoff=alpha_cutoff, cull=cull)
+    mesh = _changed(mesh, colors=color, opaque=opaque, alpha_cutoff=alpha_cutoff, cull=cull, blend=blend)
     if transform is not None:
         mesh = mesh.transformed(transform)
     return mesh if shade is False else lambert(mesh, shade)

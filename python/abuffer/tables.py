@@ -30,9 +30,13 @@ PIPELINES = Table(
     {
         "tiles": {"runs on": "cpu", "how": "triangles binned to 16×16 tiles, each pixel's fragments sorted in cache"},
         "linked_list": {"runs on": "gpu", "how": "hardware rasteriser, a linked list of fragments for each pixel"},
+        "prefix_sum": {
+            "runs on": "gpu",
+            "how": "hardware rasteriser twice: count, scan, scatter; each pixel's fragments contiguous",
+        },
     }
 )
-
+ON_GPU = tuple(key for key, row in PIPELINES.items() if row["runs on"] == "gpu")
 
 _LOCK = threading.Lock()
 _found = None, []  # the process that asked, and the adapters that it found
@@ -73,7 +77,7 @@ def pipelines() -> Table:
     """The pipelines, by id: how triangles become fragments.
 
     >>> list(pipelines())
-    ['tiles', 'linked_list']
+    ['tiles', 'linked_list', 'prefix_sum']
     """
     return Table(PIPELINES)
 
@@ -89,14 +93,14 @@ def devices() -> Table:
         name = adapter["name"]
         while name in table:
             name += " (again)"
-        runs = f"none: lacks {adapter['lacks']}" if adapter["lacks"] else "linked_list"
+        runs = f"none: lacks {adapter['lacks']}" if adapter["lacks"] else ", ".join(ON_GPU)
         row = {"kind": adapter["kind"], "backend": adapter["backend"], "driver": adapter["driver"], "pipelines": runs}
         table[name] = row
     return table
 
 
 def choose(pipeline, device, precision, environment, plan):
-    """The adapter's place in `_core.adapters()`, None for the CPU; what and why goes into `plan`.
+    """The adapter's place in `_core.adapters()`, None for the CPU, and the pipeline; what and why goes into `plan`.
 
     `environment`: what ABUFFER_DEVICE says "auto" means.
     """
@@ -107,21 +111,22 @@ def choose(pipeline, device, precision, environment, plan):
     adapter, why = _auto(pipeline, precision, environment) if device.lower() == "auto" else _named(device)
     if adapter is None:
         plan.append(("device", "cpu", why))
-        if pipeline == "linked_list":
+        if pipeline in ON_GPU:
             raise ParameterError(
-                'pipeline "linked_list" needs a GPU: give device="gpu", or pipeline="tiles" on the CPU'
+                f'pipeline "{pipeline}" needs a GPU: give device="gpu", or pipeline="tiles" on the CPU'
             )
         plan.append(("pipeline", "tiles", "the CPU's" if pipeline == "auto" else "as asked"))
-        return None
+        return None, "tiles"
     if precision == "float64":
         raise ParameterError(FLOAT64)
     if pipeline == "tiles":
-        raise UnsupportedError('pipeline "tiles" runs on the CPU only: give device="cpu", or pipeline="linked_list"')
+        raise UnsupportedError(f'pipeline "tiles" runs on the CPU only: give device="cpu", or pipeline="{ON_GPU[0]}"')
     found = _adapters()[adapter]
     software = ", a software driver" if found["kind"] == "software" else ""
     plan.append(("device", f"{found['name']}{software}", why))
-    plan.append(("pipeline", "linked_list", "the GPU's" if pipeline == "auto" else "as asked"))
-    return adapter
+    chosen, reason = (ON_GPU[0], "the GPU's") if pipeline == "auto" else (pipeline, "as asked")
+    plan.append(("pipeline", chosen, reason))
+    return adapter, chosen
 
 
 FLOAT64 = 'precision "float64" is the CPU\'s: give device="cpu" or "auto"'
@@ -134,13 +139,13 @@ def _auto(pipeline, precision, environment):
     if pipeline == "tiles":
         return None, "pipeline tiles is the CPU's"
     environment = environment or "auto"
-    if environment.lower() != "auto" and not (environment.lower() == "cpu" and pipeline == "linked_list"):
+    if environment.lower() != "auto" and not (environment.lower() == "cpu" and pipeline in ON_GPU):
         try:
             adapter, why = _named(environment)
         except DeviceError as e:
             raise DeviceError(f"ABUFFER_DEVICE is {environment!r}: {e}") from None
         return adapter, f"ABUFFER_DEVICE is {environment!r}: {why}"
-    if pipeline == "linked_list":
+    if pipeline in ON_GPU:
         return _named("gpu")
     real = [i for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
     if real:

@@ -12,6 +12,7 @@ use super::coverage::Edges;
 use super::region::{Region, TILE};
 use super::setup::{Record, Setup, pixel_box};
 use crate::error::{Error, Result};
+use crate::frame::Stats;
 
 /// Bytes of one entry of a tile's list.
 const ENTRY: u64 = size_of::<u32>() as u64;
@@ -90,6 +91,13 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
         let lists = |run: &Range<usize>| run.clone().map(|tile| self.pairs(tile)).sum::<u64>() * ENTRY;
         let counts = (self.counts.len() * self.tile_count() * size_of::<u32>()) as u64;
         counts + self.runs.iter().map(lists).max().unwrap_or(0)
+    }
+
+    /// Notes how many tiles there is anything in.
+    pub fn describe(&self, stats: &mut Stats) {
+        let tiles = self.tile_count();
+        let filled = (0..tiles).filter(|&tile| self.counts.iter().any(|c| c[tile] > 0)).count();
+        stats.choose("tiles", format!("{filled} of {tiles} hold geometry"), "the others show the background");
     }
 
     fn tile_count(&self) -> usize {
@@ -173,16 +181,19 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
     /// inside at some pixel, which near a corner are a few too many.
     fn for_each_tile(&self, record: &Record<T>, run: &Range<usize>, mut visit: impl FnMut(usize)) {
         let tile = TILE as i32;
-        let [x0, y0, x1, y1] = pixel_box(record.x, record.y, self.width, self.height);
+        let multisampled = self.setup.multisampled;
+        let [x0, y0, x1, y1] = pixel_box(record.x, record.y, (self.width, self.height), multisampled);
+        let misses = |tx: i32, ty: i32| {
+            let edges = Edges::new(record, tx * tile, ty * tile);
+            if multisampled { edges.misses_samples(tile, tile) } else { edges.misses(tile, tile) }
+        };
         let (tx0, tx1) = (x0 / tile, x1 / tile);
         for ty in y0 / tile..=y1 / tile {
             let row = ty as usize * self.tiles_x as usize;
             for tx in tx0..=tx1 {
                 let index = row + tx as usize;
                 let alone = tx0 == tx1 && y0 / tile == y1 / tile;
-                if run.contains(&index)
-                    && (alone || !Edges::new(record, tx * tile, ty * tile).misses(tile, tile))
-                {
+                if run.contains(&index) && (alone || !misses(tx, ty)) {
                     visit(index);
                 }
             }

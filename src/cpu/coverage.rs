@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use super::setup::Record;
+use crate::samples::Offset;
 
 /// The three edge functions of a triangle, relative to the centre of the first pixel of a region of at
 /// most 16×16: pixel (i, j) is inside where `q + a·i + b·j ≥ 0` for all three.
@@ -12,6 +13,8 @@ pub struct Edges {
     a: [i32; 3],
     b: [i32; 3],
     q: [i32; 3],
+    /// What flooring q left, in 1/16 pixel: samples lie on that grid.
+    r: [i32; 3],
 }
 
 impl Edges {
@@ -19,7 +22,7 @@ impl Edges {
     pub fn new<T>(record: &Record<T>, x0: i32, y0: i32) -> Self {
         // The centre of pixel i lies at 256 i + 128.
         let (cx, cy) = (256 * x0 + 128, 256 * y0 + 128);
-        let mut edges = Self { a: [0; 3], b: [0; 3], q: [0; 3] };
+        let mut edges = Self { a: [0; 3], b: [0; 3], q: [0; 3], r: [0; 3] };
         for i in 0..3 {
             let j = (i + 1) % 3;
             let (dx, dy) = (record.x[j] - record.x[i], record.y[j] - record.y[i]);
@@ -30,10 +33,27 @@ impl Edges {
             // Whole pixels move an edge function by multiples of 256, so flooring by it changes no sign.
             // The clamp cannot either: |a|, |b| < 2^24.6, so 15 steps of each add less than 2^30.
             edges.q[i] = (value >> 8).clamp(-(1 << 30), 1 << 30) as i32;
+            edges.r[i] = (value & 255) as i32 >> 4;
             edges.a[i] = -dy;
             edges.b[i] = dx;
         }
         edges
+    }
+
+    /// The same edges for the sample at (kx, ky)/16 pixel from each centre: inside where
+    /// q + a·i + b·j + ⌊(r + a·kx + b·ky) / 16⌋ ≥ 0.
+    pub fn at(&self, (kx, ky): Offset) -> Self {
+        let q = |e: usize| self.q[e] + ((self.r[e] + self.a[e] * kx + self.b[e] * ky) >> 4);
+        Self { q: [q(0), q(1), q(2)], ..*self }
+    }
+
+    /// No sample of a `w` × `h` region can be inside, wherever in its pixel it lies.
+    pub fn misses_samples(&self, w: i32, h: i32) -> bool {
+        let most = |e: usize| {
+            let within = (15 + 8 * self.a[e].abs() + 8 * self.b[e].abs()) >> 4;
+            self.q[e] + within + (self.a[e] * (w - 1)).max(0) + (self.b[e] * (h - 1)).max(0)
+        };
+        (0..3).any(|e| most(e) < 0)
     }
 
     /// No pixel of a `w` × `h` region can be inside.
@@ -163,11 +183,14 @@ mod tests {
 
     /// The definition, in 128 bits at the snapped scale.
     fn inside(r: &Record<f32>, px: i32, py: i32) -> bool {
+        inside_at(r, (256 * px + 128, 256 * py + 128))
+    }
+
+    fn inside_at(r: &Record<f32>, (x, y): (i32, i32)) -> bool {
         (0..3).all(|i| {
             let j = (i + 1) % 3;
             let (dx, dy) = (i128::from(r.x[j] - r.x[i]), i128::from(r.y[j] - r.y[i]));
-            let e = dx * (256 * i128::from(py) + 128 - i128::from(r.y[i]))
-                - dy * (256 * i128::from(px) + 128 - i128::from(r.x[i]));
+            let e = dx * (i128::from(y) - i128::from(r.y[i])) - dy * (i128::from(x) - i128::from(r.x[i]));
             if dy < 0 || (dy == 0 && dx > 0) { e >= 0 } else { e > 0 }
         })
     }
@@ -211,6 +234,44 @@ mod tests {
             assert!(area == 0 || edges.contains(16, 16) == all);
         }
         assert!(covered > 100_000, "the fuzz must hit triangles: {covered}");
+    }
+
+    #[test]
+    fn samples_equal_the_definition_at_every_sixteenth_of_a_pixel() {
+        let mut random = Lcg(11);
+        let mut covered = 0;
+        for round in 0..4_000 {
+            let range = [600, 5_000, 300_000, 12_000_000][round % 4];
+            let mut x: [i32; 3] = std::array::from_fn(|_| random.within(range));
+            let mut y: [i32; 3] = std::array::from_fn(|_| random.within(range));
+            let area = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0])
+                - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
+            if area < 0 {
+                x.swap(1, 2);
+                y.swap(1, 2);
+            }
+            let r = record(x, y);
+            let (x0, y0) = ((x[0] >> 8) + random.within(20), (y[0] >> 8) + random.within(20));
+            let (kx, ky) = (random.within(8), random.within(8));
+            let edges = Edges::new(&r, x0, y0);
+            let spans = all_spans(&edges.at((kx, ky)));
+            let mut any = false;
+            for j in 0..16 {
+                for i in 0..16 {
+                    let wanted = area != 0
+                        && inside_at(&r, (256 * (x0 + i) + 128 + 16 * kx, 256 * (y0 + j) + 128 + 16 * ky));
+                    assert_eq!(
+                        area != 0 && spans[j as usize].contains(&i),
+                        wanted,
+                        "{x:?} {y:?} {i} {j} {kx} {ky}"
+                    );
+                    covered += usize::from(wanted);
+                    any |= wanted;
+                }
+            }
+            assert!(!any || !edges.misses_samples(16, 16));
+        }
+        assert!(covered > 20_000, "the fuzz must hit triangles: {covered}");
     }
 
     #[test]

@@ -3,8 +3,10 @@
 mod bin;
 mod clip;
 mod coverage;
+mod entry;
 mod plane;
 mod region;
+mod samples;
 mod setup;
 mod sort;
 mod target;
@@ -20,9 +22,12 @@ use crate::error::Result;
 use crate::fragments::{Background, Extras, Fragments};
 use crate::frame::{Lists, Output, Request, Stats, allocate, out_of_memory};
 use crate::real::Real;
+use crate::resolve::Resolve;
+use crate::samples::pattern;
 use crate::scene::Scene;
 use bin::Binning;
-use target::{ImageTarget, ListTarget, background_at};
+use entry::{Covered, Listed, Single};
+use target::{ImageTarget, ListTarget, Rules};
 use tile::{DeepPixel, Scratch, Walk};
 
 /// What bins and scratch may take together unless `memory=` says otherwise.
@@ -35,13 +40,27 @@ pub fn render<T: Real>(
     request: &Request,
     background: Background<T>,
 ) -> Result<Output<T>> {
+    if request.samples == 1 {
+        render_listed::<T, Single<T::Entry>>(scene, camera, request, background)
+    } else {
+        render_listed::<T, Covered<T::Entry>>(scene, camera, request, background)
+    }
+}
+
+/// `L`: what lists hold of a fragment.
+fn render_listed<T: Real, L: Listed<T>>(
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: Background<T>,
+) -> Result<Output<T>> {
     let (width, height) = (request.width, request.height);
-    let pixels = width as usize * height as usize;
+    let (pixels, samples) = (request.pixels(), request.samples as usize);
     let memory = request.memory.unwrap_or(DEFAULT_MEMORY);
     let mut stats = Stats { device: "cpu".into(), ..Stats::default() };
 
     let clock = Instant::now();
-    let setup = setup::set_up::<T>(scene, camera, width, height);
+    let setup = setup::set_up::<T>(scene, camera, (width, height), samples > 1);
     stats.rejected_triangles = setup.rejected;
     stats.stage("setup", clock);
 
@@ -52,32 +71,45 @@ pub fn render<T: Real>(
     let walk = Walk {
         setup: &setup,
         meshes: &scene.meshes,
+        pattern: pattern(request.samples),
+        sort: request.sort,
         hides: scene.has_opaque() && request.lists != Lists::All,
         list_opaque: scene.has_opaque() && request.lists == Lists::All,
         // Half for the bins, a quarter for what threads hold, a quarter for the one deepest pixel.
         scratch_bytes: memory / 4 / rayon::current_num_threads() as u64,
         deep_pixel: Mutex::new(DeepPixel { limit: memory / 4, held: 0 }),
     };
+    let rules = Rules { resolve: Resolve::of(request, scene), limit: request.limit };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     // Poisoned: a pixel that no tile writes would show.
-    let mut image = allocate("the image", pixels, [T::NAN; 4])?;
+    let each = request.image_samples();
+    let mut image = allocate("the image", pixels * each, [T::NAN; 4])?;
     let mut counts = (request.lists != Lists::None).then(|| allocate("counts", pixels, -1)).transpose()?;
-    let mut behind =
-        (wants_lists && walk.hides).then(|| allocate("background", pixels, [T::NAN; 4])).transpose()?;
-    let scratches = Scratches::<T>::default();
+    let mut behind = (wants_lists && walk.hides)
+        .then(|| allocate("background", pixels * samples, [T::NAN; 4]))
+        .transpose()?;
+    let scratches = Scratches::<T, L>::default();
 
     let clock = Instant::now();
-    let mut targets = ImageTarget::cut(&mut image, counts.as_deref_mut(), behind.as_deref_mut(), width);
+    let mut targets = ImageTarget::<T, L>::cut(
+        (&mut image, each),
+        counts.as_deref_mut(),
+        behind.as_deref_mut(),
+        width,
+        samples,
+    );
+    let flat = |x: i32, y: i32| y as usize * width as usize + x as usize;
     binning.each_run(|bins| {
         targets[bins.run.clone()].par_iter_mut().zip(bins.run.clone()).try_for_each(|(target, tile)| {
             scratches.with(|scratch| {
                 walk.visit(bins.tile(tile), binning.region(tile), scratch, &mut |pixel| {
-                    target.resolve(&walk, &pixel, background_at(&background, pixel.x, pixel.y, width));
+                    target.resolve(&walk, &rules, &pixel, background.at(flat(pixel.x, pixel.y)));
                 })
             })
         })
     })?;
     stats.fragments = targets.iter().map(|t| t.fragments).sum();
+    stats.dropped_fragments = targets.iter().map(|t| t.dropped).sum();
     stats.max_depth_complexity = targets.iter().map(|t| t.deepest).max();
     drop(targets);
     stats.stage("resolve", clock);
@@ -86,19 +118,18 @@ pub fn render<T: Real>(
     let fragments = match &counts {
         Some(counts) if wants_lists => {
             // A second walk, now that every list's place is known: nothing is held twice.
-            let mut lists = Fragments::with_counts(counts, Extras { coverage: false, blend: false })
-                .ok_or_else(|| {
-                    let entry = size_of::<(T, T::Key, [T; 4], i32)>() as u64;
-                    out_of_memory("fragment lists", stats.fragments * entry)
-                })?;
+            let extras = Extras { coverage: samples > 1, blend: scene.mixes_modes() };
+            let mut lists = Fragments::with_counts(counts, extras).ok_or_else(|| {
+                let entry = size_of::<(T, T::Key, [T; 4], i32)>() as u64;
+                out_of_memory("fragment lists", stats.fragments * entry)
+            })?;
             let (mut targets, offsets) = ListTarget::cut(&mut lists, width);
             binning.each_run(|bins| {
                 targets[bins.run.clone()].par_iter_mut().zip(bins.run.clone()).try_for_each(
                     |(target, tile)| {
                         scratches.with(|scratch| {
                             walk.visit(bins.tile(tile), binning.region(tile), scratch, &mut |pixel| {
-                                let start = offsets[pixel.y as usize * width as usize + pixel.x as usize];
-                                target.write(&walk, &pixel, start);
+                                target.write(&walk, &pixel, offsets[flat(pixel.x, pixel.y)]);
                             })
                         })
                     },
@@ -114,20 +145,21 @@ pub fn render<T: Real>(
     let deep = walk.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner).held;
     let scratch = scratches.bytes() + deep;
     stats.bytes = vec![("setup", setup.bytes()), ("bins", binning.bytes()), ("scratch", scratch)];
+    binning.describe(&mut stats);
     Ok(Output { image, counts, background: behind, fragments, stats })
 }
 
 /// Buffers that threads borrow for one tile at a time.
-struct Scratches<T: Real>(Mutex<Vec<Scratch<T>>>);
+struct Scratches<T: Real, L>(Mutex<Vec<Scratch<T, L>>>);
 
-impl<T: Real> Default for Scratches<T> {
+impl<T: Real, L> Default for Scratches<T, L> {
     fn default() -> Self {
         Self(Mutex::new(Vec::new()))
     }
 }
 
-impl<T: Real> Scratches<T> {
-    fn with<R>(&self, use_it: impl FnOnce(&mut Scratch<T>) -> R) -> R {
+impl<T: Real, L> Scratches<T, L> {
+    fn with<R>(&self, use_it: impl FnOnce(&mut Scratch<T, L>) -> R) -> R {
         // A poisoned lock means that a thread panicked between two pushes: the buffers are still sound.
         let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut scratch = free.unwrap_or_default();

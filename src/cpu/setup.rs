@@ -35,16 +35,20 @@ pub struct Record<T> {
     pub mesh: u32,
 }
 
-/// First and last pixel whose centre snapped vertices can cover, on one axis.
-pub fn pixel_range(v: [i32; 3]) -> (i32, i32) {
+/// First and last pixel whose centre snapped vertices can cover, on one axis; or one of whose samples.
+pub fn pixel_range(v: [i32; 3], multisampled: bool) -> (i32, i32) {
     let (low, high) = (v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2]));
+    if multisampled {
+        // Samples lie from 256 i to 256 i + 240.
+        return ((low + 15) >> 8, high >> 8);
+    }
     // Centres lie at 256 i + 128: round the low end up and the high end down to one.
     ((low + SUBPIXELS / 2 - 1) >> 8, (high - SUBPIXELS / 2) >> 8)
 }
 
-/// Pixels whose centres the bounding box holds: x0, y0, x1, y1, all inclusive, cut to the viewport.
-pub fn pixel_box(x: [i32; 3], y: [i32; 3], width: u32, height: u32) -> [i32; 4] {
-    let ((x0, x1), (y0, y1)) = (pixel_range(x), pixel_range(y));
+/// Pixels that the bounding box may cover: x0, y0, x1, y1, all inclusive, cut to the viewport.
+pub fn pixel_box(x: [i32; 3], y: [i32; 3], (width, height): (u32, u32), multisampled: bool) -> [i32; 4] {
+    let ((x0, x1), (y0, y1)) = (pixel_range(x, multisampled), pixel_range(y, multisampled));
     [x0.max(0), y0.max(0), x1.min(width as i32 - 1), y1.min(height as i32 - 1)]
 }
 
@@ -59,6 +63,8 @@ pub struct Setup<T> {
     pub perspective: bool,
     /// Some triangle was cut into several pieces.
     pub has_pieces: bool,
+    /// Pixels have samples beside their centres.
+    pub multisampled: bool,
 }
 
 impl<T> Setup<T> {
@@ -76,12 +82,14 @@ struct View<T> {
     width: T,
     height: T,
     viewport: (u32, u32),
+    multisampled: bool,
 }
 
 const CHUNK: usize = 4096;
 
 /// Sets up all triangles, in submission order.
-pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) -> Setup<T> {
+pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, viewport: (u32, u32), multisampled: bool) -> Setup<T> {
+    let (width, height) = viewport;
     let center = camera.center(camera.depth_extent(scene));
     let rows = camera.clip_rows(center);
     let (near, far) = camera.depth_range();
@@ -92,7 +100,8 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) 
         center,
         width: T::from_i32(width as i32),
         height: T::from_i32(height as i32),
-        viewport: (width, height),
+        viewport,
+        multisampled,
     };
     let triangles = scene.triangle_count();
     let mut setup = Setup {
@@ -101,6 +110,7 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, width: u32, height: u32) 
         rejected: 0,
         perspective: rows.perspective,
         has_pieces: false,
+        multisampled,
     };
     // A few chunks a thread at a time, so that what is copied together stays small beside the whole.
     let batch = CHUNK * 4 * rayon::current_num_threads();
@@ -224,7 +234,7 @@ impl<T: Real> View<T> {
         (x + y).is_finite().then(|| (snap(x), snap(y)))
     }
 
-    /// Snapped vertices in positive order, unless the piece is culled, has no area, or holds no pixel centre.
+    /// Snapped vertices in positive order, unless the piece is culled, has no area, or can cover nothing.
     fn visible_piece(&self, c: [(i32, i32); 3], flipped: bool, cull: Cull) -> Option<([i32; 3], [i32; 3])> {
         let mut x = c.map(|c| c.0);
         let mut y = c.map(|c| c.1);
@@ -242,7 +252,7 @@ impl<T: Real> View<T> {
             x.swap(1, 2);
             y.swap(1, 2);
         }
-        let [x0, y0, x1, y1] = pixel_box(x, y, self.viewport.0, self.viewport.1);
+        let [x0, y0, x1, y1] = pixel_box(x, y, self.viewport, self.multisampled);
         (x0 <= x1 && y0 <= y1).then_some((x, y))
     }
 }
@@ -286,7 +296,7 @@ mod tests {
             cull: Cull::None,
             blend: 0,
         }]);
-        set_up(&scene.unwrap(), camera, size, size)
+        set_up(&scene.unwrap(), camera, (size, size), false)
     }
 
     fn perspective() -> Camera {

@@ -5,19 +5,28 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::coverage::Edges;
+use super::entry::Listed;
 use super::region::{Region, TILE};
 use super::setup::{FLAT, Record, Setup, pixel_range};
 use super::sort::sort;
+use crate::blend::OVER;
 use crate::error::{Error, Result};
+use crate::frame::Sort;
 use crate::real::{Real, sort_key};
+use crate::samples::Offset;
 use crate::scene::Mesh;
 
 /// A rank orders fragments of equal keys, smaller in front: the complement of the record, so that later
 /// triangles win ties; its top bit puts an opaque fragment behind translucent ones at its depth.
 const OPAQUE_BIT: u32 = 1 << 31;
 
-fn rank(record: u32, opaque: bool) -> u32 {
+pub fn rank(record: u32, opaque: bool) -> u32 {
     (!record & !OPAQUE_BIT) | if opaque { OPAQUE_BIT } else { 0 }
+}
+
+/// The rank of a listed fragment without its opaque bit: smaller was submitted later.
+pub fn rank_of<T: Real, L: Listed<T>>(listed: L) -> u32 {
+    T::rank_of(listed.entry()) & !OPAQUE_BIT
 }
 
 /// The record that a rank was made from.
@@ -31,41 +40,45 @@ const FRAGMENTS_AT_ONCE: usize = 1 << 16;
 
 /// Consecutive pixels of a region's row that one record covers. Their keys lie one after the other.
 #[derive(Debug, Clone, Copy)]
-struct Run {
-    pixel: u16,
-    len: u16,
-    rank: u32,
+pub struct Run {
+    pub pixel: u16,
+    pub len: u16,
+    pub rank: u32,
 }
 
 /// A thread's buffers, reused from tile to tile.
 #[derive(Debug)]
-pub struct Scratch<T: Real> {
-    runs: Vec<Run>,
-    keys: Vec<T::Key>,
-    sorted: Vec<T::Entry>,
+pub struct Scratch<T: Real, L> {
+    pub runs: Vec<Run>,
+    pub keys: Vec<T::Key>,
+    /// A word of coverage for each key; empty where a pixel has one sample.
+    pub coverage: Vec<u32>,
+    sorted: Vec<L>,
     /// First sorted entry of each pixel, and one past the last.
     starts: Vec<u32>,
-    /// The nearest opaque fragment of each pixel; empty where a region has none.
-    opaque: Vec<T::Entry>,
+    /// The nearest opaque fragment of each sample; empty where a region has none.
+    pub opaque: Vec<L>,
 }
 
-impl<T: Real> Default for Scratch<T> {
+impl<T: Real, L> Default for Scratch<T, L> {
     fn default() -> Self {
-        Self { runs: vec![], keys: vec![], sorted: vec![], starts: vec![], opaque: vec![] }
+        Self { runs: vec![], keys: vec![], coverage: vec![], sorted: vec![], starts: vec![], opaque: vec![] }
     }
 }
 
-/// Bytes of scratch for a fragment: at worst a run each, a key, and a sorted entry.
-const fn fragment_bytes<T: Real>() -> u64 {
-    (size_of::<Run>() + size_of::<T::Key>() + size_of::<T::Entry>()) as u64
-}
+impl<T: Real, L> Scratch<T, L> {
+    pub fn clear(&mut self) {
+        self.runs.clear();
+        self.keys.clear();
+        self.coverage.clear();
+        self.opaque.clear();
+    }
 
-impl<T: Real> Scratch<T> {
     pub fn bytes(&self) -> u64 {
         (self.runs.capacity() * size_of::<Run>()
             + self.keys.capacity() * size_of::<T::Key>()
-            + (self.sorted.capacity() + self.opaque.capacity()) * size_of::<T::Entry>()
-            + self.starts.capacity() * size_of::<u32>()) as u64
+            + (self.sorted.capacity() + self.opaque.capacity()) * size_of::<L>()
+            + (self.starts.capacity() + self.coverage.capacity()) * size_of::<u32>()) as u64
     }
 }
 
@@ -73,6 +86,9 @@ impl<T: Real> Scratch<T> {
 pub struct Walk<'a, T> {
     pub setup: &'a Setup<T>,
     pub meshes: &'a [Mesh<'a>],
+    /// Where the samples of a pixel lie.
+    pub pattern: &'static [Offset],
+    pub sort: Sort,
     /// There are opaque surfaces, which hide what is behind them …
     pub hides: bool,
     /// … or are listed like any other and hide nothing.
@@ -92,33 +108,55 @@ pub struct DeepPixel {
 }
 
 /// One pixel's fragments, front to back.
-pub struct Pixel<'a, T: Real> {
+pub struct Pixel<'a, L> {
     pub x: i32,
     pub y: i32,
-    pub entries: &'a [T::Entry],
-    /// The nearest opaque surface.
-    pub opaque: Option<T::Entry>,
+    pub entries: &'a [L],
+    /// The nearest opaque surface of each sample; empty where there is none.
+    opaque: &'a [L],
+}
+
+impl<L> Pixel<'_, L> {
+    /// The nearest opaque surface of a sample.
+    #[inline]
+    pub fn opaque<T: Real>(&self, sample: usize) -> Option<L>
+    where
+        L: Listed<T>,
+    {
+        self.opaque.get(sample).copied().filter(|&l| l != L::MAX)
+    }
 }
 
 impl<T: Real> Walk<'_, T> {
     /// Straight RGBA of a fragment. An opaque surface has alpha 1.
     #[inline]
-    pub fn color(&self, entry: T::Entry, x: i32, y: i32) -> [T; 4] {
-        let rank = T::rank_of(entry);
-        let mut color = self.raw_color(&self.setup.records[record_of(rank)], x, y);
+    pub fn color<L: Listed<T>>(&self, listed: L, x: i32, y: i32) -> [T; 4] {
+        let rank = T::rank_of(listed.entry());
+        let at = listed.location(self.pattern);
+        let mut color = self.raw_color(&self.setup.records[record_of(rank)], x, y, at);
         if rank & OPAQUE_BIT != 0 {
             color[3] = T::ONE;
         }
         color
     }
 
+    /// An id of `blend::MODES`.
     #[inline]
-    fn raw_color(&self, record: &Record<T>, x: i32, y: i32) -> [T; 4] {
+    pub fn mode<L: Listed<T>>(&self, listed: L) -> u8 {
+        let rank = T::rank_of(listed.entry());
+        if rank & OPAQUE_BIT != 0 {
+            return OVER;
+        }
+        self.meshes[self.setup.records[record_of(rank)].mesh as usize].blend
+    }
+
+    #[inline]
+    fn raw_color(&self, record: &Record<T>, x: i32, y: i32, at: Offset) -> [T; 4] {
         if record.gradient == FLAT {
             return record.color;
         }
         let planes = &self.setup.gradients[record.gradient as usize];
-        let (dx, dy) = offset(record, x, y);
+        let (dx, dy) = offset(record, x, y, at);
         if !self.setup.perspective {
             return planes.map(|p| p.at(dx, dy));
         }
@@ -126,19 +164,21 @@ impl<T: Real> Walk<'_, T> {
         planes.map(|p| (p.unclamped(dx, dy) * w).clamped(p.low, p.high))
     }
 
-    pub fn primitive(&self, entry: T::Entry) -> u32 {
-        self.setup.records[record_of(T::rank_of(entry))].primitive
+    pub fn primitive<L: Listed<T>>(&self, listed: L) -> u32 {
+        self.setup.records[record_of(T::rank_of(listed.entry()))].primitive
     }
 
     /// Visits every pixel of the region once, in no promised order, with its sorted fragments.
-    pub fn visit(
+    pub fn visit<L: Listed<T>>(
         &self,
         records: &[u32],
         region: Region,
-        scratch: &mut Scratch<T>,
-        visitor: &mut impl FnMut(Pixel<T>),
+        scratch: &mut Scratch<T, L>,
+        visitor: &mut impl FnMut(Pixel<L>),
     ) -> Result<()> {
-        let each = fragment_bytes::<T>();
+        // Of a fragment: at worst a run each, a key, its coverage, and a sorted entry.
+        let words = if self.setup.multisampled { size_of::<u32>() } else { 0 };
+        let each = (size_of::<Run>() + size_of::<T::Key>() + words + size_of::<L>()) as u64;
         let limit = ((self.scratch_bytes / each) as usize).min(FRAGMENTS_AT_ONCE);
         if self.emit(records, region, limit, scratch) {
             self.hand_out(region, scratch, visitor);
@@ -165,15 +205,21 @@ impl<T: Real> Walk<'_, T> {
     }
 
     /// Sorts what was emitted, and calls the visitor for each pixel.
-    fn hand_out(&self, region: Region, scratch: &mut Scratch<T>, visitor: &mut impl FnMut(Pixel<T>)) {
+    fn hand_out<L: Listed<T>>(
+        &self,
+        region: Region,
+        scratch: &mut Scratch<T, L>,
+        visitor: &mut impl FnMut(Pixel<L>),
+    ) {
         bring_into_pixel_order(region, scratch);
         let Scratch { sorted, starts, opaque, .. } = scratch;
+        let samples = self.pattern.len();
         let mut p = 0;
         for y in region.y0..region.y0 + region.h {
             for x in region.x0..region.x0 + region.w {
                 let list = &mut sorted[starts[p] as usize..starts[p + 1] as usize];
                 let kept = self.sort_list(list);
-                let opaque = opaque.get(p).copied().filter(|&e| T::key_of(e) != T::MAX_KEY);
+                let opaque = opaque.get(p * samples..(p + 1) * samples).unwrap_or_default();
                 visitor(Pixel { x, y, entries: &list[..kept], opaque });
                 p += 1;
             }
@@ -181,23 +227,42 @@ impl<T: Real> Walk<'_, T> {
     }
 
     /// Rasterises into runs and keys. `false` if there are more than `limit` fragments.
-    fn emit(&self, records: &[u32], region: Region, limit: usize, scratch: &mut Scratch<T>) -> bool {
+    fn emit<L: Listed<T>>(
+        &self,
+        records: &[u32],
+        region: Region,
+        limit: usize,
+        scratch: &mut Scratch<T, L>,
+    ) -> bool {
+        scratch.clear();
+        if self.setup.multisampled {
+            self.emit_samples(records, region, limit, scratch)
+        } else {
+            self.emit_centers(records, region, limit, scratch)
+        }
+    }
+
+    fn emit_centers<L: Listed<T>>(
+        &self,
+        records: &[u32],
+        region: Region,
+        limit: usize,
+        scratch: &mut Scratch<T, L>,
+    ) -> bool {
         let Scratch { runs, keys, opaque, .. } = scratch;
-        runs.clear();
-        keys.clear();
-        opaque.clear();
         let record = |index: u32| &self.setup.records[index as usize];
         let mesh = |index: u32| &self.meshes[record(index).mesh as usize];
         let hides = |index: u32| self.hides && mesh(index).opaque;
         if self.hides && records.iter().any(|&index| hides(index)) {
-            opaque.resize(region.pixels(), T::entry(T::MAX_KEY, u32::MAX));
+            opaque.resize(region.pixels(), L::MAX);
             for &index in records.iter().filter(|&&index| hides(index)) {
                 let cutoff = T::from_f64(mesh(index).alpha_cutoff);
                 for_each_span(record(index), region, |x, y, pixel, len| {
                     let found = self.keys(record(index), x, y);
-                    for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y)) {
+                    for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y, (0, 0)))
+                    {
                         let nearest = &mut opaque[pixel + i];
-                        *nearest = (*nearest).min(T::entry(found[i], rank(index, true)));
+                        *nearest = (*nearest).min(L::new(T::entry(found[i], rank(index, true)), 1));
                     }
                 });
             }
@@ -216,9 +281,9 @@ impl<T: Real> Walk<'_, T> {
                     keys.truncate(end);
                     return;
                 }
-                for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y)) {
+                for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y, (0, 0))) {
                     // A fragment at the opaque depth is kept.
-                    if opaque.is_empty() || found[i] <= T::key_of(opaque[pixel + i]) {
+                    if opaque.is_empty() || found[i] <= T::key_of(opaque[pixel + i].entry()) {
                         runs.push(Run { pixel: (pixel + i) as u16, len: 1, rank });
                         keys.push(found[i]);
                     }
@@ -238,7 +303,7 @@ impl<T: Real> Walk<'_, T> {
         let mut keys = [T::Key::default(); SPAN];
         // From the pixel itself, not by steps: a key must not depend on where its span begins.
         let value = |i: usize| {
-            let (dx, dy) = offset(record, x + i as i32, y);
+            let (dx, dy) = offset(record, x + i as i32, y, (0, 0));
             record.key_plane.at(dx, dy)
         };
         if self.setup.perspective {
@@ -253,22 +318,23 @@ impl<T: Real> Walk<'_, T> {
         keys
     }
 
-    fn passes(&self, record: &Record<T>, cutoff: T, x: i32, y: i32) -> bool {
-        cutoff == T::ZERO || self.raw_color(record, x, y)[3] >= cutoff
+    pub fn passes(&self, record: &Record<T>, cutoff: T, x: i32, y: i32, at: Offset) -> bool {
+        cutoff == T::ZERO || self.raw_color(record, x, y, at)[3] >= cutoff
     }
 
     /// Sorts front to back and merges the pieces of a clipped triangle, which share key and primitive.
     /// Returns how many entries remain.
-    fn sort_list(&self, list: &mut [T::Entry]) -> usize {
-        sort(list);
-        if !self.setup.has_pieces {
-            return list.len();
+    fn sort_list<L: Listed<T>>(&self, list: &mut [L]) -> usize {
+        sort(self.sort, list);
+        if !self.setup.has_pieces || self.setup.multisampled {
+            return list.len(); // with samples they were merged before
         }
         let mut kept = list.len().min(1);
         for i in 1..list.len() {
-            let (last, entry) = (list[kept - 1], list[i]);
-            if T::key_of(last) != T::key_of(entry) || self.primitive(last) != self.primitive(entry) {
-                list[kept] = entry;
+            let (last, own) = (list[kept - 1], list[i]);
+            let tie = T::key_of(last.entry()) == T::key_of(own.entry());
+            if !tie || self.primitive(last) != self.primitive(own) {
+                list[kept] = own;
                 kept += 1;
             }
         }
@@ -279,17 +345,18 @@ impl<T: Real> Walk<'_, T> {
 /// Pixels of a region's row, at most.
 const SPAN: usize = TILE as usize;
 
-/// From the record's anchor to a pixel's centre.
+/// From the record's anchor to a pixel's centre, or to what lies (kx, ky)/16 pixel from it.
 #[inline]
-fn offset<T: Real>(record: &Record<T>, x: i32, y: i32) -> (T, T) {
-    let half = T::from_f64(0.5);
-    (T::from_i32(x) + half - record.anchor[0], T::from_i32(y) + half - record.anchor[1])
+pub fn offset<T: Real>(record: &Record<T>, x: i32, y: i32, (kx, ky): Offset) -> (T, T) {
+    // Exact: a multiple of 1/16 below 2^15.
+    let at = |i: i32, k: i32| T::from_i32(16 * i + 8 + k) * T::from_f64(1.0 / 16.0);
+    (at(x, kx) - record.anchor[0], at(y, ky) - record.anchor[1])
 }
 
 /// Calls `span(x, y, pixel of the region, length)` for each row of pixel centres inside the record.
 #[inline]
 fn for_each_span<T>(record: &Record<T>, region: Region, mut span: impl FnMut(i32, i32, usize, usize)) {
-    let ((x0, x1), (y0, y1)) = (pixel_range(record.x), pixel_range(record.y));
+    let ((x0, x1), (y0, y1)) = (pixel_range(record.x, false), pixel_range(record.y, false));
     let (from, to) = ((x0 - region.x0).max(0), (x1 + 1 - region.x0).min(region.w));
     let (first, last) = ((y0 - region.y0).max(0), (y1 + 1 - region.y0).min(region.h));
     if from >= to || first >= last {
@@ -308,8 +375,8 @@ fn for_each_span<T>(record: &Record<T>, region: Region, mut span: impl FnMut(i32
 }
 
 /// A counting sort of the emitted fragments by pixel.
-fn bring_into_pixel_order<T: Real>(region: Region, scratch: &mut Scratch<T>) {
-    let Scratch { runs, keys, sorted, starts, .. } = scratch;
+fn bring_into_pixel_order<T: Real, L: Listed<T>>(region: Region, scratch: &mut Scratch<T, L>) {
+    let Scratch { runs, keys, coverage, sorted, starts, .. } = scratch;
     starts.clear();
     starts.resize(region.pixels() + 2, 0);
     // Shifted by two, so that after the scatter below `starts[p]` is where pixel p begins.
@@ -320,14 +387,15 @@ fn bring_into_pixel_order<T: Real>(region: Region, scratch: &mut Scratch<T>) {
     for p in 2..starts.len() {
         starts[p] += starts[p - 1];
     }
-    sorted.resize(keys.len(), T::Entry::default());
-    let mut rest = keys.as_slice();
+    sorted.resize(keys.len(), L::default());
+    let mut done = 0;
     for run in runs.iter() {
-        let (own, later) = rest.split_at(run.len as usize);
-        rest = later;
         let first = run.pixel as usize + 1;
-        for (&key, cursor) in own.iter().zip(&mut starts[first..]) {
-            sorted[*cursor as usize] = T::entry(key, run.rank);
+        let own = done..done + run.len as usize;
+        done = own.end;
+        for ((&key, i), cursor) in keys[own.clone()].iter().zip(own).zip(&mut starts[first..]) {
+            let word = coverage.get(i).copied().unwrap_or_default();
+            sorted[*cursor as usize] = L::new(T::entry(key, run.rank), word);
             *cursor += 1;
         }
     }

@@ -1,0 +1,42 @@
+"""Scenes with a user's own Blends on the CPU: the core's lists, composited in numpy."""
+
+import time
+
+import numpy as np
+
+from . import _core
+from .blend import nearest_or_last
+from .fragments import FIELDS, Fragments
+
+
+def render_by_layers(meshes, camera, request, background, dtype, own) -> dict:
+    """What `_core.render_cpu` gives, for a scene with the Blends `own`.
+
+    Args:
+        meshes, camera, request, background: as the core takes them.
+        dtype: np.float32 or np.float64, the precision. The image is composited in float64 and then rounded to it.
+    """
+    asked, limit = request["lists"], request["max_sorted_fragments"]
+    lists = "all" if asked == "all" else "translucent"
+    whole = request | {"lists": lists, "msaa_resolve": "per_pixel", "max_sorted_fragments": None}
+    output = _core.render_cpu(meshes, camera, whole, background, dtype == np.float64)
+    stats, clock = output["stats"], time.perf_counter()
+
+    shape = request["height"], request["width"]
+    behind = output.get("background", np.asarray(background))
+    frags = Fragments._of(shape, output, behind, request["samples"], own)
+    kept = None
+    if limit is not None:
+        kept = nearest_or_last(frags.offsets, frags.primitive, limit, request["limit_policy"])
+        stats["dropped_fragments"] = int((~kept).sum())
+    image = frags._by_layers(request["msaa_resolve"], kept=kept)
+    with np.errstate(over="ignore"):  # inf, as in the core
+        output["image"] = image.astype(dtype)
+    stats["ms"]["blend"] = (time.perf_counter() - clock) * 1e3
+
+    if asked in ("none", "count"):
+        for field in ("offsets", "background", *FIELDS):
+            output.pop(field, None)
+    if asked == "none":
+        output.pop("counts", None)
+    return output

@@ -1,0 +1,80 @@
+"""The options of methods and pipelines: their names, what they may be, and what they are where nobody says."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from . import _check
+from .errors import ParameterError
+
+MSAA_RESOLVES = ("per_pixel", "per_sample", "hdr", "none")
+BLEND_ORDERS = ("front_to_back", "back_to_front")
+
+# Of every pipeline. The first value is the default.
+CHOICES = {
+    "msaa_resolve": MSAA_RESOLVES,
+    "sort": ("auto", "insertion", "selection", "bitonic", "merge", "heap"),
+    "limit_policy": ("nearest", "last_submitted"),
+    "blend_order": BLEND_ORDERS,
+}
+# Of pipelines that keep nodes on a GPU.
+NODE_PIPELINES = ("linked_list", "prefix_sum")
+NODE_CHOICES = {
+    "node_format": ("float32", "rgba8_depth32", "rgba8_depth24_coverage8", "rgb565_depth16", "rgb9e5_alpha8_depth24"),
+    "resolve": ("compute", "fragment"),
+}
+CLASSES = (1, 4, 8, 16, 32)
+OPTIONS = (*CHOICES, "max_sorted_fragments", *NODE_CHOICES, "resolve_classes")
+SAMPLES = (1, 2, 4, 8, 16)
+
+
+def all_of(given, pipeline) -> dict:
+    """All options of a render as the core takes them: those `given`, whose names are known, else their defaults.
+
+    Raises:
+        ParameterError: a value that is none of an option's, or an option that `pipeline` does not have.
+    """
+    for name in given:
+        if name in (*NODE_CHOICES, "resolve_classes") and pipeline not in NODE_PIPELINES:
+            have = " and ".join(NODE_PIPELINES)
+            raise ParameterError(
+                f"{name} is an option of pipelines {have}, and this render's is {pipeline}: "
+                f'leave it out, or give pipeline="{NODE_PIPELINES[0]}"'
+            )
+    chosen = {
+        name: _check.choice(name, given.get(name, valid[0]), valid) for name, valid in (CHOICES | NODE_CHOICES).items()
+    }
+    chosen["max_sorted_fragments"] = _limit(given.get("max_sorted_fragments"))
+    chosen["resolve_classes"] = _classes(given.get("resolve_classes", CLASSES))
+    return chosen
+
+
+def is_integer(value) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def samples(value) -> int:
+    """`value` as a number of samples a pixel."""
+    if not is_integer(value) or value not in SAMPLES:
+        raise ParameterError(f"samples must be one of {', '.join(map(str, SAMPLES))}, got {value!r}")
+    return int(value)
+
+
+def _limit(value):
+    if value is None:
+        return None
+    if not is_integer(value) or value < 1:
+        raise ParameterError(f"max_sorted_fragments must be an integer, 1 or more, or None for all, got {value!r}")
+    return int(min(value, 2**31 - 1))  # no list is longer
+
+
+def _classes(value):
+    rule = "resolve_classes must be 1 to 8 rising integers, each from 1 to 64"
+    try:
+        classes = list(value)
+    except TypeError:
+        raise ParameterError(f"{rule}, got {value!r}") from None
+    sound = 1 <= len(classes) <= 8 and all(is_integer(n) and 1 <= n <= 64 for n in classes)
+    if isinstance(value, str) or not sound or any(a >= b for a, b in pairwise(classes)):
+        raise ParameterError(f"{rule}, got {value!r}")
+    return [int(n) for n in classes]

@@ -1,0 +1,259 @@
+//! Resolve: one pixel's sorted fragments become its colour, or one colour a sample (GPU Pro 2, sections 2.6.4,
+//! 2.7.2 and 2.8.3). Where fragments come from, a pipeline or captured lists, is the caller's business.
+
+use crate::blend::{self, onto, premultiplied};
+use crate::frame::{BlendOrder, MsaaResolve, Request};
+use crate::methods::exact;
+use crate::real::Real;
+use crate::samples::MAX_SAMPLES;
+use crate::scene::Scene;
+
+/// What a resolve sees of a fragment.
+#[derive(Debug, Clone, Copy)]
+pub struct Fragment<T> {
+    /// Straight RGBA.
+    pub color: [T; 4],
+    /// An id of `blend::MODES`.
+    pub mode: u8,
+    /// Bit s: sample s is covered.
+    pub coverage: u32,
+}
+
+/// How fragments become colours.
+#[derive(Debug, Clone, Copy)]
+pub struct Resolve {
+    pub samples: u32,
+    pub msaa: MsaaResolve,
+    /// Some fragment is blended otherwise than `over`.
+    pub mixes: bool,
+    pub order: BlendOrder,
+}
+
+/// One sample's colour on its way, in one direction through the list.
+trait Blender<T>: Copy {
+    const BACK_TO_FRONT: bool;
+    fn begin(behind: [T; 4]) -> Self;
+    fn add(&mut self, fragment: &Fragment<T>);
+    /// Nothing that follows can change the result.
+    fn is_done(&self) -> bool;
+    fn end(self, behind: [T; 4]) -> [T; 4];
+}
+
+impl<T: Real> Blender<T> for exact::State<T> {
+    const BACK_TO_FRONT: bool = false;
+    #[inline]
+    fn begin(_: [T; 4]) -> Self {
+        Self::begin()
+    }
+    #[inline]
+    fn add(&mut self, fragment: &Fragment<T>) {
+        self.insert(fragment.color);
+    }
+    #[inline]
+    fn is_done(&self) -> bool {
+        self.is_saturated()
+    }
+    #[inline]
+    fn end(self, behind: [T; 4]) -> [T; 4] {
+        self.end(behind)
+    }
+}
+
+impl<T: Real> Blender<T> for blend::State<T> {
+    const BACK_TO_FRONT: bool = false;
+    fn begin(_: [T; 4]) -> Self {
+        Self::begin()
+    }
+    fn add(&mut self, fragment: &Fragment<T>) {
+        self.insert(fragment.mode, fragment.color);
+    }
+    fn is_done(&self) -> bool {
+        self.is_saturated()
+    }
+    fn end(self, behind: [T; 4]) -> [T; 4] {
+        self.end(behind)
+    }
+}
+
+/// The premultiplied colour behind what is still to come.
+#[derive(Clone, Copy)]
+struct Destination<T>([T; 4]);
+
+impl<T: Real> Blender<T> for Destination<T> {
+    const BACK_TO_FRONT: bool = true;
+    fn begin(behind: [T; 4]) -> Self {
+        Self(premultiplied(behind))
+    }
+    fn add(&mut self, fragment: &Fragment<T>) {
+        self.0 = onto(self.0, fragment.mode, fragment.color);
+    }
+    fn is_done(&self) -> bool {
+        false
+    }
+    fn end(self, _: [T; 4]) -> [T; 4] {
+        self.0
+    }
+}
+
+impl Resolve {
+    pub fn of(request: &Request, scene: &Scene) -> Self {
+        Self {
+            samples: request.samples,
+            msaa: request.msaa_resolve,
+            mixes: scene.mixes_modes(),
+            order: request.blend_order,
+        }
+    }
+
+    /// Resolves `n` fragments, the first in front, over the straight colour `behind` each sample. Calls `write`
+    /// with the premultiplied colour of the pixel, or of each of its samples where those are asked for.
+    #[inline]
+    pub fn pixel<T: Real>(
+        &self,
+        n: usize,
+        fragment: impl Fn(usize) -> Fragment<T>,
+        behind: impl Fn(usize) -> [T; 4],
+        write: impl FnMut(usize, [T; 4]),
+    ) {
+        match (self.order, self.mixes) {
+            (BlendOrder::BackToFront, _) => self.run::<T, Destination<T>>(n, fragment, behind, write),
+            (BlendOrder::FrontToBack, true) => self.run::<T, blend::State<T>>(n, fragment, behind, write),
+            (BlendOrder::FrontToBack, false) => self.run::<T, exact::State<T>>(n, fragment, behind, write),
+        }
+    }
+
+    #[inline]
+    fn run<T: Real, B: Blender<T>>(
+        &self,
+        n: usize,
+        fragment: impl Fn(usize) -> Fragment<T>,
+        behind: impl Fn(usize) -> [T; 4],
+        mut write: impl FnMut(usize, [T; 4]),
+    ) {
+        let samples = self.samples as usize;
+        if samples == 1 {
+            return write(0, one::<T, B>(n, |i| Some(fragment(i)), behind(0)));
+        }
+        let mut colors = [[T::ZERO; 4]; MAX_SAMPLES];
+        if self.msaa == MsaaResolve::PerSample {
+            for (s, color) in colors[..samples].iter_mut().enumerate() {
+                let covering = |i| Some(fragment(i)).filter(|f| f.coverage >> s & 1 == 1);
+                *color = one::<T, B>(n, covering, behind(s));
+            }
+        } else {
+            let mut states: [B; MAX_SAMPLES] =
+                std::array::from_fn(|s| B::begin(if s < samples { behind(s) } else { [T::ZERO; 4] }));
+            for k in 0..n {
+                let f = fragment(if B::BACK_TO_FRONT { n - 1 - k } else { k });
+                for (s, state) in states[..samples].iter_mut().enumerate() {
+                    if f.coverage >> s & 1 == 1 {
+                        state.add(&f);
+                    }
+                }
+                if states[..samples].iter().all(B::is_done) {
+                    break;
+                }
+            }
+            for s in 0..samples {
+                colors[s] = states[s].end(behind(s));
+            }
+        }
+        match self.msaa {
+            MsaaResolve::None => (0..samples).for_each(|s| write(s, colors[s])),
+            MsaaResolve::Hdr => write(0, weighted_mean(&colors[..samples], hdr_weight)),
+            MsaaResolve::PerSample | MsaaResolve::PerPixel => {
+                write(0, weighted_mean(&colors[..samples], |_| T::ONE))
+            }
+        }
+    }
+}
+
+/// One sample: the fragments that `covering` gives.
+#[inline]
+fn one<T: Real, B: Blender<T>>(
+    n: usize,
+    covering: impl Fn(usize) -> Option<Fragment<T>>,
+    behind: [T; 4],
+) -> [T; 4] {
+    let mut state = B::begin(behind);
+    for k in 0..n {
+        if let Some(f) = covering(if B::BACK_TO_FRONT { n - 1 - k } else { k }) {
+            state.add(&f);
+            if state.is_done() {
+                break;
+            }
+        }
+    }
+    state.end(behind)
+}
+
+/// Bright samples count less, so that one of them does not wash out an edge (section 2.8.3's HDR-correct
+/// resolve).
+fn hdr_weight<T: Real>([r, g, b, _]: [T; 4]) -> T {
+    T::ONE / (T::ONE + r.larger(g).larger(b))
+}
+
+fn weighted_mean<T: Real>(samples: &[[T; 4]], weight: impl Fn([T; 4]) -> T) -> [T; 4] {
+    let (mut sum, mut weights) = ([T::ZERO; 4], T::ZERO);
+    for &sample in samples {
+        let w = weight(sample);
+        sum = std::array::from_fn(|i| sum[i] + w * sample[i]);
+        weights = weights + w;
+    }
+    sum.map(|v| v / weights)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn resolve(samples: u32, msaa: MsaaResolve) -> Resolve {
+        Resolve { samples, msaa, mixes: false, order: BlendOrder::FrontToBack }
+    }
+
+    fn image(resolve: Resolve, fragments: &[Fragment<f64>]) -> Vec<[f64; 4]> {
+        let mut out = Vec::new();
+        resolve.pixel(fragments.len(), |i| fragments[i], |_| [0.0; 4], |_, rgba| out.push(rgba));
+        out
+    }
+
+    #[test]
+    fn two_halves_of_a_pixel_give_alpha_and_not_alpha_scaled_by_popcount() {
+        let half = |coverage| Fragment { color: [1.0, 1.0, 1.0, 0.6], mode: 0, coverage };
+        let seam = [half(0b0011), half(0b1100)];
+        for msaa in [MsaaResolve::PerSample, MsaaResolve::PerPixel] {
+            assert!((image(resolve(4, msaa), &seam)[0][3] - 0.6).abs() < 1e-15);
+        }
+        // The mistake: alpha · popcount / samples, which loses α²/4 at the seam.
+        let scaled = [0.3, 0.3].iter().fold(1.0, |t, a| t * (1.0 - a));
+        assert!((1.0 - scaled - (0.6 - 0.36 / 4.0_f64)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn both_resolves_give_the_same_bits_and_samples_average_to_them() {
+        let fragments: Vec<_> = (1..12_u32)
+            .map(|i| Fragment {
+                color: [0.1 * f64::from(i), 0.5, 0.9 / f64::from(i), 0.3],
+                mode: (i % 5) as u8,
+                coverage: i.wrapping_mul(2654435761) >> 7 & 0xff,
+            })
+            .collect();
+        for order in [BlendOrder::FrontToBack, BlendOrder::BackToFront] {
+            let of = |msaa| image(Resolve { samples: 8, msaa, mixes: true, order }, &fragments);
+            let pixel = of(MsaaResolve::PerPixel);
+            assert_eq!(pixel, of(MsaaResolve::PerSample));
+            let samples = of(MsaaResolve::None);
+            assert_eq!(samples.len(), 8);
+            let mean = samples.iter().map(|s| s[0]).sum::<f64>() / 8.0;
+            assert!((mean - pixel[0][0]).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn the_hdr_resolve_weighs_bright_samples_less() {
+        let bright = Fragment { color: [99.0, 0.0, 0.0, 1.0], mode: 0, coverage: 0b01 };
+        let dark = Fragment { color: [1.0, 0.0, 0.0, 1.0], mode: 0, coverage: 0b10 };
+        let red = image(resolve(2, MsaaResolve::Hdr), &[bright, dark])[0][0];
+        assert!((red - (99.0 / 100.0 + 1.0 / 2.0) / (1.0 / 100.0 + 1.0 / 2.0)).abs() < 1e-12);
+    }
+}
