@@ -1,4 +1,5 @@
-// What every stage shares: the view, the band, and the sort key.
+// What every stage shares: the view, the band, and the sort key. Constants in capitals are the variant's: they
+// come from the prelude that Rust writes before these files.
 
 struct View {
     // Rows of the matrix from positions relative to a centre to clip x, y, w and eye depth.
@@ -16,6 +17,12 @@ struct View {
     // Window z of an orthographic view: z_offset − depth · z_scale, 1 at the scene's nearest, 0 at its farthest.
     z_offset: f32,
     z_scale: f32,
+    // Depth codes of the formats that have some: 0 at the frame's nearest value, code_scale codes a unit.
+    code_origin: f32,
+    code_scale: f32,
+    code_step: f32,
+    // 1: the background is a texture, else View.background.
+    background_texture: u32,
 }
 
 // The rectangle of pixels that one pass over the geometry fills lists for.
@@ -26,12 +33,10 @@ struct Band {
     height: u32,
     // Nodes that fit the pool.
     capacity: u32,
-    // 1: the background texture holds a colour a pixel, else View.background is meant.
-    background_texture: u32,
     // Loop iterations that one invocation may take before it stores its state and is dispatched again:
     // Mesa's llvmpipe silently ends every loop after 65,535 in total.
     trip_budget: u32,
-    pad: u32,
+    pad: vec2u,
 }
 
 // Unsigned bits in the order of the values; −0 counts as +0.
@@ -41,9 +46,14 @@ fn orderable(value: f32) -> u32 {
 }
 
 // The sort key, smaller in front: made from 1/w under a perspective, else from the eye depth.
-fn sort_key(plane_value: f32, perspective: bool) -> u32 {
+fn sort_key(plane_value: f32) -> u32 {
     let key = orderable(plane_value);
-    return select(key, ~key, perspective);
+    return select(key, ~key, view.perspective == 1u);
+}
+
+fn value_of_key(key: u32) -> f32 {
+    let bits = select(key, ~key, view.perspective == 1u);
+    return bitcast<f32>(select(~bits, bits & 0x7fffffffu, (bits & 0x80000000u) != 0u));
 }
 
 // Whether fragment a = (key, order) is in front of b.

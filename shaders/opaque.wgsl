@@ -8,7 +8,7 @@ fn vs_opaque(@builtin(vertex_index) index: u32) -> Varyings {
 
 @fragment
 fn fs_opaque(v: Varyings) -> @location(0) vec4f {
-    let shaded = shade(v);
+    let shaded = shade(v, v.position.xy);
     if beyond_depth_range(shaded.value) || is_cut_out(v, shaded.color) {
         discard;
     }

@@ -1,9 +1,12 @@
 //! What a pipeline is asked for, and what it gives.
 
+use std::borrow::Cow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
+use crate::node_format::NodeFormat;
 use crate::real::Real;
 use crate::samples::check_samples;
 
@@ -18,7 +21,7 @@ pub enum Lists {
 }
 
 /// How the samples of a pixel become what is returned (GPU Pro 2, sections 2.7.2 and 2.8.3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum MsaaResolve {
     /// Each sample is composited on its own, then their mean is taken.
     PerSample,
@@ -72,6 +75,29 @@ pub struct Request {
     /// At most so many fragments of a pixel are composited; the others count as dropped.
     pub limit: Option<(u32, LimitPolicy)>,
     pub blend_order: BlendOrder,
+    pub lists_on_gpu: ListOptions,
+}
+
+/// What concerns stored lists, which the GPU's pipelines keep.
+#[derive(Debug, Clone)]
+pub struct ListOptions {
+    pub storage: Storage,
+    pub format: NodeFormat,
+    /// The longest list of each class of the resolve, rising.
+    pub classes: Vec<u32>,
+    /// The resolve is a full-screen pass behind a stencil, not a dispatch.
+    pub fullscreen: bool,
+    /// WGSL of a user's blends, ids 5 and on.
+    pub blends: Arc<[String]>,
+}
+
+/// How lists are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Storage {
+    /// `linked_list`: appended and linked, in one pass over the geometry.
+    Linked,
+    /// `prefix_sum`: counted, scanned, scattered; contiguous, in two.
+    Contiguous,
 }
 
 /// The largest width and height: with a viewport of guard band on each side, snapped coordinates stay
@@ -88,7 +114,7 @@ pub struct Stats {
     /// Parts that the image was rendered in to stay within memory.
     pub bands: usize,
     pub bytes: Vec<(&'static str, u64)>,
-    pub ms: Vec<(&'static str, f64)>,
+    pub ms: Vec<(Cow<'static, str>, f64)>,
     pub device: String,
     /// Choices that were made on the way: what, which, why.
     pub plan: Vec<(&'static str, String, String)>,
@@ -101,7 +127,8 @@ impl Stats {
     }
 
     /// Adds to the time of a stage.
-    pub fn add(&mut self, name: &'static str, ms: f64) {
+    pub fn add(&mut self, name: impl Into<Cow<'static, str>>, ms: f64) {
+        let name = name.into();
         match self.ms.iter_mut().find(|(stage, _)| *stage == name) {
             Some((_, total)) => *total += ms,
             None => self.ms.push((name, ms)),

@@ -7,6 +7,7 @@
 
 pub mod blend;
 pub mod camera;
+pub mod clip;
 pub mod composite;
 pub mod cpu;
 pub mod error;
@@ -14,6 +15,7 @@ pub mod fragments;
 pub mod frame;
 pub mod gpu;
 pub mod methods;
+pub mod node_format;
 pub mod png;
 pub mod real;
 pub mod render;

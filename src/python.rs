@@ -14,9 +14,12 @@ use crate::camera::Camera;
 use crate::composite::{Lists as ListsOf, composite as composite_lists};
 use crate::error::Error;
 use crate::fragments::{Background, Fragments};
-use crate::frame::{BlendOrder, LimitPolicy, Lists, MsaaResolve, Output, Request, Sort, Stats};
+use crate::frame::{
+    BlendOrder, LimitPolicy, ListOptions, Lists, MsaaResolve, Output, Request, Sort, Stats, Storage,
+};
 use crate::gpu::device::{self, Adapter};
 use crate::methods::METHODS;
+use crate::node_format::NodeFormat;
 use crate::png::encode;
 use crate::real::Real;
 use crate::render;
@@ -162,11 +165,32 @@ struct RequestParts {
     limit_policy: String,
     #[pyo3(item)]
     blend_order: String,
+    #[pyo3(item)]
+    pipeline: String,
+    #[pyo3(item)]
+    node_format: String,
+    #[pyo3(item)]
+    resolve: String,
+    #[pyo3(item)]
+    resolve_classes: Vec<u32>,
+    #[pyo3(item)]
+    blends: Vec<Option<String>>,
 }
 
 impl RequestParts {
     fn request(&self) -> Request {
+        let lists_on_gpu = ListOptions {
+            storage: match self.pipeline.as_str() {
+                "prefix_sum" => Storage::Contiguous,
+                _ => Storage::Linked,
+            },
+            format: NodeFormat::named(&self.node_format).unwrap_or(NodeFormat::Float32),
+            classes: self.resolve_classes.clone(),
+            fullscreen: self.resolve == "fragment",
+            blends: self.blends.iter().map(|b| b.clone().unwrap_or_default()).collect(),
+        };
         Request {
+            lists_on_gpu,
             width: self.width,
             height: self.height,
             lists: match self.lists.as_str() {
@@ -302,6 +326,7 @@ fn adapters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         dict.set_item("driver", adapter.driver)?;
         dict.set_item("max_binding", adapter.max_binding)?;
         dict.set_item("lacks", adapter.lacks)?;
+        dict.set_item("samples", adapter.samples)?;
         Ok(dict)
     };
     py.detach(device::adapters).into_iter().map(describe).collect()
@@ -366,7 +391,7 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
     dict.set_item("bytes", bytes.into_iter().collect::<std::collections::BTreeMap<_, _>>())?;
     let stages = PyDict::new(py); // in the order that they ran
     for (stage, ms) in ms {
-        stages.set_item(stage, ms)?;
+        stages.set_item(stage.as_ref(), ms)?;
     }
     dict.set_item("ms", stages)?;
     dict.set_item("device", device)?;

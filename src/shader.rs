@@ -5,10 +5,10 @@ use std::borrow::Cow;
 
 use crate::error::{Error, Result};
 
-/// Fragments of a pixel that the resolve sorts in registers; longer lists take the path of `linked_list_long`.
-pub const TEMP_FRAGMENTS: u32 = 32;
 /// Entries of a long list that one invocation sorts or merges.
 pub const CHUNK: u32 = 32;
+/// Values that a workgroup of the prefix sum takes.
+pub const SCAN_BLOCK: u32 = 1024;
 
 macro_rules! sources {
     ($($name:literal),* $(,)?) => {
@@ -20,23 +20,51 @@ macro_rules! sources {
 pub static SOURCES: &[(&str, &str)] = sources![
     "common",
     "raster",
+    "varyings",
+    "varyings_samples",
     "opaque",
-    "linked_list_build",
-    "linked_list_build_early",
-    "linked_list_build_compare",
-    "linked_list_read",
-    "linked_list_resolve",
-    "linked_list_long",
+    "opaque_samples",
+    "nodes/common",
+    "nodes/float32",
+    "nodes/rgba8_depth32",
+    "nodes/rgba8_depth24_coverage8",
+    "nodes/rgb565_depth16",
+    "nodes/rgb9e5_alpha8_depth24",
+    "build/common",
+    "build/write",
+    "build/read_none",
+    "build/linked",
+    "build/counter",
+    "build/counter_subgroup",
+    "build/count",
+    "build/scatter",
+    "build/fragment",
+    "build/fragment_early",
+    "build/fragment_compare",
+    "build/fragment_samples",
+    "scan",
+    "lists/linked",
+    "lists/contiguous",
+    "resolve/read",
+    "resolve/opaque",
+    "resolve/opaque_samples",
+    "resolve/classify",
+    "resolve/class",
+    "resolve/average",
+    "resolve/fullscreen",
+    "resolve/background",
+    "resolve/long",
+    "sort/arrays",
+    "sort/insertion",
+    "sort/selection",
+    "sort/bitonic",
+    "sort/merge",
+    "sort/heap",
+    "blend/over",
+    "blend/affine",
+    "blend/front_to_back",
+    "blend/back_to_front",
     "methods/exact",
-];
-
-/// The modules that pipelines are made from, and the files of each.
-pub static MODULES: &[(&str, &[&str])] = &[
-    ("opaque", &["common", "raster", "opaque"]),
-    ("build_early", &["common", "raster", "linked_list_build", "linked_list_build_early"]),
-    ("build_compare", &["common", "raster", "linked_list_build", "linked_list_build_compare"]),
-    ("resolve", &["common", "methods/exact", "linked_list_read", "linked_list_resolve"]),
-    ("long", &["common", "methods/exact", "linked_list_read", "linked_list_long"]),
 ];
 
 /// A module's text, and where each file starts in it.
@@ -47,18 +75,43 @@ pub struct Composed {
 }
 
 impl Composed {
-    /// The module `name` of [`MODULES`]. Files in the folder that `ABUFFER_SHADER_DIR` names replace ours,
-    /// for trying a change without building.
-    pub fn module(name: &str) -> Result<Self> {
-        let files = MODULES.iter().find(|(module, _)| *module == name).map_or(&[][..], |(_, files)| *files);
-        let mut composed = Self { text: prelude(), starts: Vec::new() };
+    /// Constants, then files. Files in the folder that `ABUFFER_SHADER_DIR` names replace ours, for trying a
+    /// change without building.
+    pub fn new(constants: String, files: &[&str]) -> Result<Self> {
+        let mut composed = Self { text: constants, starts: Vec::new() };
         for file in files {
             let (source, origin) = source(file)?;
-            composed.starts.push((composed.text.lines().count(), origin));
-            composed.text.push_str(&source);
-            composed.text.push('\n');
+            composed.push(&source, origin);
         }
         Ok(composed)
+    }
+
+    fn push(&mut self, source: &str, origin: String) {
+        self.starts.push((self.text.lines().count(), origin));
+        self.text.push_str(source);
+        self.text.push('\n');
+    }
+
+    /// Where the text came from.
+    pub fn files(&self) -> Vec<String> {
+        self.starts.iter().map(|(_, origin)| origin.clone()).collect()
+    }
+
+    /// A user's blends, and what chooses between them.
+    pub fn push_blends(&mut self, blends: &[String]) {
+        for blend in blends {
+            self.push(blend, "blend".into());
+        }
+        let cases: String = (0..blends.len())
+            .map(|i| format!("case {i}u: {{ return blended_{i}(destination, source, depth); }}\n"))
+            .collect();
+        self.push(
+            &format!(
+                "fn user_blend(i: u32, destination: vec4f, source: vec4f, depth: f32) -> vec4f {{\n\
+                 switch i {{\n{cases}default: {{ return destination; }}\n}}\n}}"
+            ),
+            "blends".into(),
+        );
     }
 
     /// A compiler's complaint about line `line` (from 1) of the composed text, in the file that it came from.
@@ -71,10 +124,6 @@ impl Composed {
         let own = self.text.lines().nth(line - 1).unwrap_or_default().trim();
         Error::Shader { file: file.clone(), line: line - start, message: format!("{message}, in `{own}`") }
     }
-}
-
-fn prelude() -> String {
-    format!("const TEMP_FRAGMENTS: u32 = {TEMP_FRAGMENTS}u;\nconst CHUNK: u32 = {CHUNK}u;\n")
 }
 
 fn source(name: &str) -> Result<(Cow<'static, str>, String)> {
@@ -91,48 +140,101 @@ fn source(name: &str) -> Result<(Cow<'static, str>, String)> {
     Ok((text.into(), file))
 }
 
+/// A user's blend, number `i`: an expression or a function body over `dst`, `src` and `depth`. It is checked here,
+/// by itself, so that what is wrong with it is told in its own lines, on any device or none.
+pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
+    let is_body = text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == "return");
+    let body = if is_body { text.to_string() } else { format!("return ({text}\n);") };
+    let lines_before = 1;
+    let function = |returns: &str| {
+        format!("fn own_blend_{i}(dst: vec3f, src: vec4f, depth: f32) -> {returns} {{\n{body}\n}}\n")
+    };
+    let check = |text: &str| -> std::result::Result<(), (usize, String)> {
+        let module = naga::front::wgsl::parse_str(text).map_err(|e| {
+            let line = e.location(text).map_or(1, |l| l.line_number as usize);
+            (line, e.message().to_string())
+        })?;
+        let mut validator = naga::valid::Validator::new(
+            naga::valid::ValidationFlags::all(),
+            naga::valid::Capabilities::empty(),
+        );
+        validator.validate(&module).map(|_| ()).map_err(|e| {
+            let line = e.location(text).map_or(1, |l| l.line_number as usize);
+            (line, innermost(e.as_inner()))
+        })
+    };
+    let three = function("vec3f");
+    let Err((line, message)) = check(&three) else {
+        let wrap = format!(
+            "fn blended_{i}(d: vec4f, s: vec4f, z: f32) -> vec4f {{ return vec4f(own_blend_{i}(d.rgb, s, z), d.a); }}"
+        );
+        return Ok(three + &wrap);
+    };
+    let four = function("vec4f");
+    if check(&four).is_ok() {
+        let wrap = format!(
+            "fn blended_{i}(d: vec4f, s: vec4f, z: f32) -> vec4f {{ return own_blend_{i}(d.rgb, s, z); }}"
+        );
+        return Ok(four + &wrap);
+    }
+    let line = line.saturating_sub(lines_before).clamp(1, text.lines().count().max(1));
+    let own = text.lines().nth(line - 1).unwrap_or_default().trim();
+    Err(Error::Shader { file: name.into(), line, message: format!("{message}, in `{own}`") })
+}
+
+/// The message at the root of an error: those around it speak of functions that are not the user's.
+fn innermost(error: &dyn std::error::Error) -> String {
+    let mut error = error;
+    while let Some(source) = error.source() {
+        error = source;
+    }
+    error.to_string()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use naga::valid::{Capabilities, ValidationFlags, Validator};
-
-    #[test]
-    fn every_module_is_valid_without_optional_capabilities() {
-        for (name, _) in MODULES {
-            let text = Composed::module(name).unwrap().text;
-            let module = naga::front::wgsl::parse_str(&text)
-                .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&text)));
-            let needs = match *name {
-                "build_early" => Capabilities::EARLY_DEPTH_TEST,
-                _ => Capabilities::empty(),
-            };
-            let mut validator = Validator::new(ValidationFlags::all(), needs);
-            validator.validate(&module).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&text)));
-        }
-    }
-
-    #[test]
-    fn every_file_is_used_and_every_used_file_exists() {
-        let used: Vec<_> = MODULES.iter().flat_map(|(_, files)| files.iter().copied()).collect();
-        for (name, _) in SOURCES {
-            assert!(used.contains(name), "{name} is in no module");
-        }
-        for name in used {
-            assert!(SOURCES.iter().any(|(n, _)| *n == name), "{name} is in no file");
-        }
-    }
 
     #[test]
     fn errors_are_told_in_the_lines_of_their_own_file() {
-        let composed = Composed::module("resolve").unwrap();
-        let line = composed.text.lines().position(|l| l.contains("fn cs_resolve")).unwrap() + 1;
-        let own = SOURCES.iter().find(|(n, _)| *n == "linked_list_resolve").unwrap().1;
-        let wanted = own.lines().position(|l| l.contains("fn cs_resolve")).unwrap() + 1;
+        let composed = Composed::new("const A = 1;\n".into(), &["common", "sort/heap"]).unwrap();
+        let line = composed.text.lines().position(|l| l.contains("fn sift")).unwrap() + 1;
+        let own = SOURCES.iter().find(|(n, _)| *n == "sort/heap").unwrap().1;
+        let wanted = own.lines().position(|l| l.contains("fn sift")).unwrap() + 1;
         match composed.error(line, "bad") {
-            Error::Shader { file, line, .. } => {
-                assert_eq!((file.as_str(), line), ("linked_list_resolve.wgsl", wanted))
-            }
+            Error::Shader { file, line, .. } => assert_eq!((file.as_str(), line), ("sort/heap.wgsl", wanted)),
             other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn blends_are_expressions_or_bodies_of_three_channels_or_four() {
+        for text in [
+            "dst * (1.0 - src.a) + src.rgb * src.a",
+            "let t = 1.0 - src.a;\nreturn dst * t + src.rgb * src.a;",
+            "vec4f(dst, 1.0) * depth",
+            "dst // returns nothing odd",
+        ] {
+            user_blend(0, "blend", text).unwrap();
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_blend_is_told_in_its_own_line() {
+        for (text, line, word) in [
+            ("dst * colour.a", 1, "colour"),
+            ("let t = 1.0;\nlet u = missing;\nreturn dst;", 2, "missing"),
+            ("dst.r", 1, ""),
+            ("dst +", 1, ""),
+            ("1.0; } fn f() { return", 1, ""),
+        ] {
+            match user_blend(0, "glass", text) {
+                Err(Error::Shader { file, line: found, message }) => {
+                    assert_eq!((file.as_str(), found), ("glass", line), "{text}: {message}");
+                    assert!(message.contains(word), "{text}: {message}");
+                }
+                other => panic!("{text}: {other:?}"),
+            }
         }
     }
 }

@@ -17,7 +17,7 @@ SRC, PACKAGE = ROOT / "src", ROOT / "python" / "abuffer"
 RANKS = [
     {"error", "real"},
     {"scene", "png", "samples", "shader", "threads"},
-    {"camera", "fragments"},
+    {"camera", "clip", "fragments", "node_format"},
     {"blend", "frame", "methods"},
     {"resolve"},
     {"cpu", "gpu", "composite"},

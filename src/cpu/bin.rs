@@ -12,7 +12,6 @@ use super::coverage::Edges;
 use super::region::{Region, TILE};
 use super::setup::{Record, Setup, pixel_box};
 use crate::error::{Error, Result};
-use crate::frame::Stats;
 
 /// Bytes of one entry of a tile's list.
 const ENTRY: u64 = size_of::<u32>() as u64;
@@ -91,13 +90,6 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
         let lists = |run: &Range<usize>| run.clone().map(|tile| self.pairs(tile)).sum::<u64>() * ENTRY;
         let counts = (self.counts.len() * self.tile_count() * size_of::<u32>()) as u64;
         counts + self.runs.iter().map(lists).max().unwrap_or(0)
-    }
-
-    /// Notes how many tiles there is anything in.
-    pub fn describe(&self, stats: &mut Stats) {
-        let tiles = self.tile_count();
-        let filled = (0..tiles).filter(|&tile| self.counts.iter().any(|c| c[tile] > 0)).count();
-        stats.choose("tiles", format!("{filled} of {tiles} hold geometry"), "the others show the background");
     }
 
     fn tile_count(&self) -> usize {

@@ -1,7 +1,6 @@
 //! The `tiles` pipeline on the CPU: set up, bin, then one tile at a time in cache, in parallel.
 
 mod bin;
-mod clip;
 mod coverage;
 mod entry;
 mod plane;
@@ -27,6 +26,7 @@ use crate::samples::pattern;
 use crate::scene::Scene;
 use bin::Binning;
 use entry::{Covered, Listed, Single};
+use region::TILE;
 use target::{ImageTarget, ListTarget, Rules};
 use tile::{DeepPixel, Scratch, Walk};
 
@@ -111,6 +111,9 @@ fn render_listed<T: Real, L: Listed<T>>(
     stats.fragments = targets.iter().map(|t| t.fragments).sum();
     stats.dropped_fragments = targets.iter().map(|t| t.dropped).sum();
     stats.max_depth_complexity = targets.iter().map(|t| t.deepest).max();
+    let filled = targets.iter().filter(|t| t.fragments > 0).count();
+    let tiles = format!("{filled} of {} hold translucent geometry", targets.len());
+    stats.choose("tiles", tiles, format!("{TILE}×{TILE} pixels each"));
     drop(targets);
     stats.stage("resolve", clock);
 
@@ -145,7 +148,6 @@ fn render_listed<T: Real, L: Listed<T>>(
     let deep = walk.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner).held;
     let scratch = scratches.bytes() + deep;
     stats.bytes = vec![("setup", setup.bytes()), ("bins", binning.bytes()), ("scratch", scratch)];
-    binning.describe(&mut stats);
     Ok(Output { image, counts, background: behind, fragments, stats })
 }
 

@@ -6,7 +6,7 @@
 //! 5e-4 with the snapped vertices.) Under a perspective the planes hold 1/w and colour/w (Heckbert and Moreton
 //! 1991).
 
-use super::clip::Vertex;
+use crate::clip::Vertex;
 use crate::real::Real;
 
 /// A value that is linear on the screen: at the anchor, per pixel right and down, and its range.

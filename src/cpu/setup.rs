@@ -6,9 +6,9 @@
 use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 
-use super::clip::{ClipVolume, MAX_CORNERS, Vertex};
 use super::plane::{Frame, Plane, on_screen};
 use crate::camera::Camera;
+use crate::clip::{ClipVolume, GUARD_BAND, MAX_CORNERS, Vertex};
 use crate::real::Real;
 use crate::scene::{Cull, Scene};
 
@@ -96,7 +96,12 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, viewport: (u32, u32), mul
     let row = |r: DVec4| r.to_array().map(T::from_f64);
     let view = View {
         rows: [row(rows.x), row(rows.y), row(rows.w), row(rows.depth)],
-        volume: ClipVolume { near: T::from_f64(near), far: T::from_f64(far), perspective: rows.perspective },
+        volume: ClipVolume {
+            near: T::from_f64(near),
+            far: T::from_f64(far),
+            perspective: rows.perspective,
+            guard: T::from_f64(GUARD_BAND),
+        },
         center,
         width: T::from_i32(width as i32),
         height: T::from_i32(height as i32),

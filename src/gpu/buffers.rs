@@ -9,6 +9,11 @@ pub fn storage(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
     buffer(gpu, label, bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST)
 }
 
+/// A storage buffer that dispatches and draws take their sizes from.
+pub fn indirect(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
+    buffer(gpu, label, bytes, BufferUsages::STORAGE | BufferUsages::INDIRECT)
+}
+
 /// A buffer that the CPU can read after a copy into it.
 pub fn readable(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
     buffer(gpu, label, bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
@@ -45,19 +50,22 @@ pub enum Slot {
     Uniform,
     Read,
     ReadWrite,
-    /// A texture that is loaded, not sampled: colour or depth.
+    /// A texture that is loaded, not sampled: colour or depth, of one sample or several.
     Color,
     Depth,
+    Colors,
+    Depths,
 }
 
 /// A layout with the slots at bindings 0, 1, 2, …
 pub fn layout(gpu: &Gpu, label: &str, stages: ShaderStages, slots: &[Slot]) -> wgpu::BindGroupLayout {
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-    let texture = |sample_type| BindingType::Texture {
+    let texture = |sample_type, multisampled| BindingType::Texture {
         sample_type,
         view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
+        multisampled,
     };
+    let color = wgpu::TextureSampleType::Float { filterable: false };
     let entries: Vec<_> = (0..)
         .zip(slots)
         .map(|(binding, slot)| BindGroupLayoutEntry {
@@ -67,8 +75,10 @@ pub fn layout(gpu: &Gpu, label: &str, stages: ShaderStages, slots: &[Slot]) -> w
                 Slot::Uniform => buffer(BufferBindingType::Uniform),
                 Slot::Read => buffer(BufferBindingType::Storage { read_only: true }),
                 Slot::ReadWrite => buffer(BufferBindingType::Storage { read_only: false }),
-                Slot::Color => texture(wgpu::TextureSampleType::Float { filterable: false }),
-                Slot::Depth => texture(wgpu::TextureSampleType::Depth),
+                Slot::Color => texture(color, false),
+                Slot::Depth => texture(wgpu::TextureSampleType::Depth, false),
+                Slot::Colors => texture(color, true),
+                Slot::Depths => texture(wgpu::TextureSampleType::Depth, true),
             },
             count: None,
         })

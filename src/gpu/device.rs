@@ -1,12 +1,15 @@
 //! Adapters and devices: found once, made lazily, kept for the process.
 
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pollster::block_on;
 
-use super::pipelines::Pipelines;
+use super::pipelines::{COLOR_FORMAT, COVERAGE_FORMAT, DEPTH_FORMAT, Pipelines};
+use super::variant::Variant;
 use crate::error::{Error, Result};
+use crate::samples::COUNTS;
 
 /// An adapter as `devices()` lists it.
 #[derive(Debug, Clone)]
@@ -20,6 +23,8 @@ pub struct Adapter {
     pub lacks: Option<String>,
     /// The largest buffer that a shader can be given at once, bytes.
     pub max_binding: u64,
+    /// Samples a pixel that it renders with, opaque geometry included.
+    pub samples: Vec<u32>,
 }
 
 impl Adapter {
@@ -35,7 +40,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     pub features: wgpu::Features,
     pub limits: wgpu::Limits,
-    pipelines: OnceLock<Result<Pipelines>>,
+    pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     lost: Arc<Mutex<Option<String>>>,
     /// One render at a time: interleaved ones would hold twice the memory and gain nothing.
     busy: Mutex<()>,
@@ -47,8 +52,12 @@ const BACKENDS: wgpu::Backends =
 
 /// Storage buffers that the stages for long lists bind.
 const STORAGE_BUFFERS: u32 = 12;
-/// What `linked_list` uses where it exists.
-const WANTED: wgpu::Features = wgpu::Features::SHADER_EARLY_DEPTH_TEST.union(wgpu::Features::TIMESTAMP_QUERY);
+/// What the list pipelines use where it exists.
+const WANTED: wgpu::Features = wgpu::Features::SHADER_EARLY_DEPTH_TEST
+    .union(wgpu::Features::TIMESTAMP_QUERY)
+    .union(wgpu::Features::SUBGROUP)
+    .union(wgpu::Features::DEPTH32FLOAT_STENCIL8)
+    .union(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
 
 /// Features that `ABUFFER_WITHOUT` withholds (names of wgpu's, with commas), to test here what a lesser
 /// device would do.
@@ -125,7 +134,17 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
         lacks,
         max_binding: limits.max_storage_buffer_binding_size,
+        samples: sample_counts(adapter),
     }
+}
+
+/// Samples that every target of a render can have. Other counts than 1 and 4 are what an adapter adds.
+fn sample_counts(adapter: &wgpu::Adapter) -> Vec<u32> {
+    let formats = [COVERAGE_FORMAT, DEPTH_FORMAT, COLOR_FORMAT];
+    let all = |count: u32| {
+        formats.iter().all(|&f| adapter.get_texture_format_features(f).flags.sample_count_supported(count))
+    };
+    COUNTS.into_iter().filter(|&count| count == 1 || all(count)).collect()
 }
 
 /// All adapters, best first.
@@ -194,7 +213,7 @@ impl Gpu {
             queue,
             features,
             limits,
-            pipelines: OnceLock::new(),
+            pipelines: Mutex::new(HashMap::new()),
             lost,
             busy: Mutex::new(()),
         })
@@ -237,9 +256,19 @@ impl Gpu {
         }
     }
 
-    /// The pipelines, made at the first call.
-    pub fn pipelines(&self) -> Result<&Pipelines> {
-        self.pipelines.get_or_init(|| Pipelines::new(self)).as_ref().map_err(Clone::clone)
+    /// The pipelines of a variant, each made when it is first used, and kept.
+    pub fn pipelines(&self, variant: &Variant) -> Arc<Pipelines> {
+        let mut all = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = all.get(variant) {
+            return found.clone();
+        }
+        let made = Arc::new(Pipelines::new(self, variant.clone()));
+        all.insert(variant.clone(), made.clone());
+        made
+    }
+
+    pub fn has(&self, feature: wgpu::Features) -> bool {
+        self.features.contains(feature)
     }
 
     pub fn exclusively<R>(&self, render: impl FnOnce() -> R) -> R {

@@ -6,11 +6,11 @@ use wgpu::BufferUsages;
 
 use super::buffers::{bind, with_contents};
 use super::device::Gpu;
-use super::pipelines::Pipelines;
+use super::extent::{Extent, Viewpoint};
 use super::uniforms::{Batch, MeshState};
 use crate::camera::ClipRows;
 use crate::error::Result;
-use crate::scene::{Cull, Rate, Scene};
+use crate::scene::{Cull, Mesh, Rate, Scene};
 use crate::threads::threads;
 
 /// Triangles of a batch, at most; less where the device's bindings are small.
@@ -20,9 +20,8 @@ const COLOR_BYTES: u64 = 48;
 
 pub struct Geometry {
     pub batches: Vec<Drawn>,
-    /// Finite triangles whose transformed values are not.
-    pub rejected: u64,
     pub bytes: u64,
+    pub found: Found,
 }
 
 /// A batch, ready to draw.
@@ -31,37 +30,54 @@ pub struct Drawn {
     pub vertices: u32,
 }
 
+/// Where the camera's matrices put triangles, which are kept relative to a centre.
+pub struct Eye<'a> {
+    pub rows: &'a ClipRows,
+    pub center: DVec3,
+    pub viewpoint: Viewpoint<'a>,
+    /// Opaque surfaces are listed, and hide nothing.
+    pub list_opaque: bool,
+}
+
+/// What is known of triangles once they are transformed.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// Finite triangles whose transformed values are not.
+    pub rejected: u64,
+    /// Of those that are listed, and of those that hide.
+    pub listed: Extent,
+    pub hiding: Extent,
+}
+
+impl Found {
+    const NOTHING: Self = Self { rejected: 0, listed: Extent::NOTHING, hiding: Extent::NOTHING };
+
+    fn join(self, other: Self) -> Self {
+        Self {
+            rejected: self.rejected + other.rejected,
+            listed: self.listed.join(other.listed),
+            hiding: self.hiding.join(other.hiding),
+        }
+    }
+}
+
 impl Geometry {
     pub fn upload(
         gpu: &Gpu,
-        pipelines: &Pipelines,
+        layout: &wgpu::BindGroupLayout,
         scene: &Scene,
-        rows: &ClipRows,
-        center: DVec3,
+        eye: &Eye,
         view: &wgpu::Buffer,
     ) -> Result<Self> {
-        let states: Vec<_> = scene
-            .meshes
-            .iter()
-            .map(|mesh| MeshState {
-                alpha_cutoff: mesh.alpha_cutoff as f32,
-                is_opaque: u32::from(mesh.opaque),
-                cull: match mesh.cull {
-                    Cull::None => 0,
-                    Cull::Back => 1,
-                    Cull::Front => 2,
-                },
-                pad: 0,
-            })
-            .collect();
+        let states: Vec<_> = scene.meshes.iter().map(mesh_state).collect();
         let meshes = with_contents(gpu, "meshes", BufferUsages::STORAGE, &states);
         let triangles = scene.triangle_count();
         let size = MAX_BATCH.min(gpu.adapter.max_binding / COLOR_BYTES) as usize;
-        let mut geometry = Self { batches: Vec::new(), rejected: 0, bytes: 0 };
+        let mut geometry = Self { batches: Vec::new(), bytes: 0, found: Found::NOTHING };
         for first in (0..triangles).step_by(size) {
             let end = (first + size).min(triangles);
-            let arrays = threads()?.install(|| Arrays::of(scene, rows, center, first, end));
-            geometry.rejected += arrays.rejected;
+            let arrays = threads()?.install(|| Arrays::of(scene, eye, first, end));
+            geometry.found = geometry.found.join(arrays.found);
             geometry.bytes += arrays.bytes();
             let batch = Batch {
                 first_primitive: first as u32,
@@ -71,7 +87,7 @@ impl Geometry {
             let group = bind(
                 gpu,
                 "geometry",
-                &pipelines.geometry,
+                layout,
                 &[
                     view.into(),
                     (&with_contents(gpu, "batch", BufferUsages::UNIFORM, &[batch])).into(),
@@ -94,17 +110,30 @@ impl Geometry {
     }
 }
 
+fn mesh_state(mesh: &Mesh) -> MeshState {
+    MeshState {
+        alpha_cutoff: mesh.alpha_cutoff as f32,
+        is_opaque: u32::from(mesh.opaque),
+        cull: match mesh.cull {
+            Cull::None => 0,
+            Cull::Back => 1,
+            Cull::Front => 2,
+        },
+        blend: u32::from(mesh.blend),
+    }
+}
+
 /// A batch as the shaders read it.
 struct Arrays {
     positions: Vec<[[f32; 3]; 3]>,
     /// One a triangle, or three.
     colors: Vec<[f32; 4]>,
     mesh_ids: Vec<u32>,
-    rejected: u64,
+    found: Found,
 }
 
 impl Arrays {
-    fn of(scene: &Scene, rows: &ClipRows, center: DVec3, first: usize, end: usize) -> Self {
+    fn of(scene: &Scene, eye: &Eye, first: usize, end: usize) -> Self {
         let located = |primitive: usize| {
             let (mesh, face) = scene.locate(primitive);
             let ids = scene.meshes[mesh].vertex_ids(face);
@@ -119,9 +148,9 @@ impl Arrays {
             positions: vec![[[0.0; 3]; 3]; end - first],
             colors: vec![[0.0; 4]; corners * (end - first)],
             mesh_ids: vec![0; end - first],
-            rejected: 0,
+            found: Found::NOTHING,
         };
-        arrays.rejected = (arrays.positions.par_iter_mut())
+        arrays.found = (arrays.positions.par_iter_mut())
             .zip(arrays.colors.par_chunks_mut(corners))
             .zip(arrays.mesh_ids.par_iter_mut())
             .enumerate()
@@ -130,15 +159,20 @@ impl Arrays {
                 let source = &scene.meshes[mesh];
                 *mesh_id = mesh as u32;
                 colors.copy_from_slice(&source.corner_colors::<f32>(face, ids)[..corners]);
-                let relative = ids.map(|id| source.positions.get(id) - center);
-                let representable = relative.iter().all(|&p| rows.representable(p));
-                if representable {
-                    *positions = relative.map(|p| p.as_vec3().to_array());
+                let relative = ids.map(|id| source.positions.get(id) - eye.center);
+                if !relative.iter().all(|&p| eye.rows.representable(p)) {
+                    // All corners stay in one point, which covers nothing.
+                    return Found { rejected: 1, ..Found::NOTHING };
                 }
-                // Otherwise all corners stay in one point, which covers nothing.
-                u64::from(!representable)
+                *positions = relative.map(|p| p.as_vec3().to_array());
+                let extent = eye.viewpoint.extent(relative);
+                if source.opaque && !eye.list_opaque {
+                    Found { hiding: extent, ..Found::NOTHING }
+                } else {
+                    Found { listed: extent, ..Found::NOTHING }
+                }
             })
-            .sum();
+            .reduce(|| Found::NOTHING, Found::join);
         arrays
     }
 

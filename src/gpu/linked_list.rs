@@ -1,27 +1,33 @@
-//! The `linked_list` pipeline (GPU Pro 2, chapter III.2): opaque geometry into depth and colour, translucent
-//! geometry into per-pixel lists, lists into an image.
+//! The pipelines `linked_list` (GPU Pro 2, chapter III.2) and `prefix_sum`: opaque geometry into depth and colour,
+//! translucent geometry into per-pixel lists, lists into an image.
 //!
-//! The pool of nodes is never guessed. The counter of the build runs past its capacity, so that one pass
-//! tells the exact demand; what did not fit is rendered again in a larger pool or, past `memory` or the
-//! device's limits, in two halves of its rectangle, down to a pixel.
+//! The pool of nodes is never guessed. The counter of the build runs past its capacity, so that one pass tells the
+//! exact demand; what did not fit is rendered again in a larger pool or, past `memory` or the device's limits, in
+//! bands that are cut by the exact number of fragments in each pixel.
 
 use std::time::Instant;
 
 use wgpu::BufferUsages;
 
+use super::background;
 use super::buffers::with_contents;
 use super::device::Gpu;
-use super::geometry::Geometry;
-use super::lists::{BandLists, assemble};
+use super::extent::Viewpoint;
+use super::fill::Filled;
+use super::geometry::{Eye, Geometry};
+use super::lists::Reader;
 use super::passes::Frame;
-use super::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
-use super::pool::{Budget, DEFAULT_MEMORY, Pool, first_rects};
-use super::targets::{read_texture, texture, write_texture};
+use super::plan;
+use super::pool::{Budget, DEFAULT_MEMORY, Pool, Rect};
+use super::resolve::{Outcome, TILE};
+use super::targets::Targets;
 use super::uniforms::View;
+use super::variant::Variant;
 use crate::camera::{Camera, ClipRows};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fragments::Background;
-use crate::frame::{Lists, Output, Request, Stats, allocate};
+use crate::frame::{Lists, Output, Request, Stats, Storage, allocate};
+use crate::node_format::DepthCodes;
 use crate::scene::Scene;
 use crate::threads::threads;
 
@@ -33,56 +39,22 @@ pub fn render(
     background: Background<f32>,
 ) -> Result<Output<f32>> {
     let (width, height) = (request.width, request.height);
-    let limit = gpu.limits.max_texture_dimension_2d;
-    if width.max(height) > limit {
-        return Err(Error::Unsupported(format!(
-            "{} renders up to {limit} pixels a side, got {width}×{height}; device=\"cpu\" renders up to 16384",
-            gpu.adapter.name
-        )));
-    }
-    let pipelines = gpu.pipelines()?;
-    let hides = scene.has_opaque() && request.lists != Lists::All;
+    let variant = plan::variant(gpu, scene, request)?;
     let mut stats = Stats { device: gpu.adapter.name.clone(), ..Stats::default() };
-    let budget = Budget::of(gpu, request.memory.unwrap_or(DEFAULT_MEMORY));
+    plan::describe(&variant, request, &mut stats);
+    let budget = Budget::of(gpu, &variant, request.memory.unwrap_or(DEFAULT_MEMORY));
 
     let clock = Instant::now();
-    let frame = gpu.checked("uploading the scene", || {
-        let depths = threads()?.install(|| camera.depth_extent(scene));
-        let center = camera.center(depths);
-        let rows = camera.clip_rows(center);
-        let view = view_uniform(camera, &rows, depths, request, &background);
-        let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[view]);
-        let geometry = Geometry::upload(gpu, pipelines, scene, &rows, center, &view)?;
-        let background_is_texture = hides || matches!(background, Background::Image(_));
-        let (w, h) = if background_is_texture { (width, height) } else { (1, 1) };
-        let color = texture(gpu, "background", COLOR_FORMAT, w, h);
-        if let Background::Image(pixels) = background {
-            write_texture(gpu, &color, pixels, width, height);
-        }
-        Ok(Frame {
-            gpu,
-            pipelines,
-            geometry,
-            view,
-            depth: texture(gpu, "depth", DEPTH_FORMAT, width, height).create_view(&Default::default()),
-            background: color.create_view(&Default::default()),
-            background_is_texture,
-            width,
-            scratch: budget.scratch,
-        })
-    })?;
-    stats.rejected_triangles = frame.geometry.rejected;
+    let (frame, codes, rect) = upload(gpu, &variant, scene, camera, request, &background, &budget)?;
+    stats.rejected_triangles = frame.geometry.found.rejected;
+    plan::describe_rect(rect, request, &mut stats);
     stats.stage("upload", clock);
+    frame.draw_opaque(&mut stats)?;
 
-    let constant = match background {
-        Background::Constant(c) => Some(c),
-        Background::Image(_) => None,
-    };
-    frame.draw_opaque(hides, constant, &mut stats)?;
-
+    let each = request.image_samples();
     let mut output = Output {
-        // Poisoned: a pixel that no rectangle writes would show.
-        image: allocate("the image", request.pixels(), [f32::NAN; 4])?,
+        // Poisoned: a pixel that nothing writes would show.
+        image: allocate("the image", request.pixels() * each, [f32::NAN; 4])?,
         counts: (request.lists != Lists::None)
             .then(|| allocate("counts", request.pixels(), -1))
             .transpose()?,
@@ -90,51 +62,125 @@ pub fn render(
         fragments: None,
         stats,
     };
+    background::fill_outside(&mut output, request, &background, rect)?;
+    let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
+    let reader =
+        wants_lists.then_some(Reader { gpu, layout: variant.layout, storage: variant.storage, codes });
+
     let mut band_lists = Vec::new();
     let mut pool: Option<Pool> = None;
-    let mut waiting = first_rects(width, height, budget.pixels);
-    while let Some(rect) = waiting.pop() {
-        let wanted = (4 * rect.pixels()).max(4096).min(budget.nodes);
-        let fresh = match pool.take() {
-            Some(pool) if pool.pixels >= rect.pixels() => pool,
-            old => Pool::new(gpu, rect.pixels(), old.map_or(wanted, |p| p.capacity.max(wanted)))?,
+    let mut outcome = Outcome::default();
+    let mut tiles = 0;
+    // Rectangles to do, and the nodes that each is known to need.
+    let mut waiting: Vec<(Rect, Option<u64>)> =
+        rect.map_or(vec![], |rect| rect.parts(budget.pixels)).into_iter().map(|r| (r, None)).collect();
+    while let Some((rect, known)) = waiting.pop() {
+        let guess = match variant.storage {
+            Storage::Linked => (4 * rect.pixels()).max(4096).min(budget.nodes),
+            Storage::Contiguous => 1, // it counts before it stores
         };
+        let wanted = known.unwrap_or(guess);
+        let mut fresh = match pool.take() {
+            Some(pool) if pool.pixels >= rect.pixels() => pool,
+            old => Pool::new(gpu, &variant, rect.pixels(), old.map_or(wanted, |p| p.capacity.max(wanted)))?,
+        };
+        fresh.grow(gpu, wanted)?;
         let pool = pool.insert(fresh);
-        let demand = frame.fill_and_resolve(pool, rect, &mut output)?;
-        if demand <= pool.capacity {
-            output.stats.fragments += demand;
-            output.stats.bands += 1;
-            if matches!(request.lists, Lists::Translucent | Lists::All) {
-                band_lists.push(BandLists::read(gpu, pool, rect, demand, camera.is_perspective())?);
+        match frame.fill_and_resolve(pool, &budget, rect, &mut output)? {
+            Filled::Done { nodes, outcome: own } => {
+                output.stats.fragments += nodes;
+                output.stats.bands += 1;
+                outcome.join(&own);
+                tiles += u64::from(rect.w.div_ceil(TILE)) * u64::from(rect.h.div_ceil(TILE));
+                if let Some(reader) = &reader {
+                    band_lists.push(reader.read(pool, rect, nodes)?);
+                }
             }
-        } else if demand <= budget.nodes {
-            *pool = Pool::new(gpu, pool.pixels, demand)?;
-            waiting.push(rect);
-        } else {
-            let halves = rect.halves().ok_or_else(|| budget.exceeded(rect, demand))?;
-            waiting.extend(halves.into_iter().rev());
+            Filled::Overflow { nodes } if nodes <= budget.nodes => waiting.push((rect, Some(nodes))),
+            Filled::Overflow { .. } => {
+                let counts = frame.count(pool, rect, &mut output.stats)?;
+                let bands = budget.bands(rect, &counts)?;
+                waiting.extend(bands.into_iter().map(|(rect, nodes)| (rect, Some(nodes))));
+            }
         }
     }
+    output.stats.bands = output.stats.bands.max(1);
+    output.stats.dropped_fragments = outcome.dropped;
+    output.stats.max_depth_complexity = Some(outcome.longest);
+    plan::describe_outcome(&variant, request, &outcome, tiles, &mut output.stats);
+
     let clock = Instant::now();
-    if !band_lists.is_empty() {
-        output.fragments = Some(assemble(band_lists, width, height)?);
+    if let Some(reader) = &reader {
+        output.fragments = Some(reader.assemble(band_lists, width, height)?);
         output.stats.stage("lists", clock);
-        if hides {
-            output.background = Some(read_texture(gpu, frame.background.texture())?);
+        if variant.hides {
+            output.background = Some(background::read(&frame, &budget, request)?);
         }
-    }
-    if let Some(counts) = &output.counts {
-        output.stats.max_depth_complexity = counts.iter().max().map(|&n| n as u32);
     }
     let bytes = &mut output.stats.bytes;
     bytes.push(("geometry", frame.geometry.bytes));
-    bytes.push(("pool", pool.as_ref().map_or(0, Pool::bytes)));
-    let pixel_bytes = 4 + if frame.background_is_texture { 16 } else { 0 };
-    bytes.push((
-        "targets",
-        pixel_bytes * request.pixels() as u64 + pool.as_ref().map_or(0, |p| 48 * p.pixels),
-    ));
+    bytes.extend(pool.iter().flat_map(Pool::bytes));
+    bytes.push(("targets", frame.targets.bytes));
     Ok(output)
+}
+
+/// Brings the scene to the device. Also gives the codes of depths, and the rectangle that there is anything in.
+fn upload<'g>(
+    gpu: &'g Gpu,
+    variant: &Variant,
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: &Background<f32>,
+    budget: &Budget,
+) -> Result<(Frame<'g>, DepthCodes, Option<Rect>)> {
+    let (width, height) = (request.width, request.height);
+    let pipelines = gpu.pipelines(variant);
+    gpu.checked("uploading the scene", || {
+        let depths = threads()?.install(|| camera.depth_extent(scene));
+        let center = camera.center(depths);
+        let rows = camera.clip_rows(center);
+        let mut uniform = view_uniform(camera, &rows, depths, request, background);
+        let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[uniform]);
+        let eye = Eye {
+            rows: &rows,
+            center,
+            viewpoint: Viewpoint::new(camera, &rows, width, height),
+            list_opaque: request.lists == Lists::All,
+        };
+        let geometry = Geometry::upload(gpu, &pipelines.layouts.geometry, scene, &eye, &view)?;
+        let found = &geometry.found;
+        let last_code = variant.layout.format.last_code();
+        let codes = DepthCodes::new(found.listed.values(), last_code, rows.perspective);
+        (uniform.code_origin, uniform.code_scale, uniform.code_step) =
+            (codes.origin, codes.scale, codes.step);
+        gpu.queue.write_buffer(&view, 0, bytemuck::bytes_of(&uniform));
+        let rect = [found.listed, found.hiding]
+            .iter()
+            .filter_map(|extent| extent.rect(width, height))
+            .reduce(Rect::union)
+            .map(|rect| aligned(rect, width, height));
+        Ok((
+            Frame {
+                gpu,
+                targets: Targets::new(gpu, variant, (width, height), background)?,
+                pipelines: pipelines.clone(),
+                geometry,
+                view,
+                width,
+                scratch: budget.scratch,
+            },
+            codes,
+            rect,
+        ))
+    })
+}
+
+/// Grown to whole tiles.
+fn aligned(rect: Rect, width: u32, height: u32) -> Rect {
+    let (x0, y0) = (rect.x0 / TILE * TILE, rect.y0 / TILE * TILE);
+    let end = |start: u32, length: u32, most: u32| (start + length).next_multiple_of(TILE).min(most);
+    Rect { x0, y0, w: end(rect.x0, rect.w, width) - x0, h: end(rect.y0, rect.h, height) - y0 }
 }
 
 fn view_uniform(
@@ -172,5 +218,9 @@ fn view_uniform(
         far: far.min(f64::from(f32::MAX)) as f32, // 0 or largest where there is none
         z_offset: ((high + room) * scale) as f32,
         z_scale: scale as f32,
+        code_origin: 0.0,
+        code_scale: 0.0,
+        code_step: 0.0,
+        background_texture: u32::from(matches!(background, Background::Image(_))),
     }
 }

@@ -7,9 +7,18 @@ use super::device::Gpu;
 use super::pool::{Pool, Rect};
 use crate::error::{Error, Result};
 use crate::fragments::{Extras, Fragments};
-use crate::frame::out_of_memory;
+use crate::frame::{Storage, out_of_memory};
+use crate::node_format::{Decoded, DepthCodes, NodeLayout};
 use crate::real::depth_of_key;
 use crate::threads::threads;
+
+/// How nodes are read back.
+pub struct Reader<'a> {
+    pub gpu: &'a Gpu,
+    pub layout: NodeLayout,
+    pub storage: Storage,
+    pub codes: DepthCodes,
+}
 
 /// The sorted lists of one rectangle, pixel by pixel in its rows.
 pub struct BandLists {
@@ -21,21 +30,14 @@ pub struct BandLists {
 #[derive(Default)]
 struct RowLists {
     counts: Vec<i32>,
-    key: Vec<u32>,
-    depth: Vec<f32>,
-    color: Vec<[f32; 4]>,
-    primitive: Vec<i32>,
+    fragments: Vec<Decoded>,
 }
 
-impl BandLists {
+impl Reader<'_> {
     /// Reads `nodes` nodes and the heads of a rectangle, and walks the lists.
-    pub fn read(gpu: &Gpu, pool: &Pool, rect: Rect, nodes: u64, perspective: bool) -> Result<Self> {
-        let parts = [
-            (&pool.heads, 4 * rect.pixels()),
-            (&pool.node_color, 16 * nodes),
-            (&pool.node_order, 8 * nodes),
-            (&pool.node_next, 4 * nodes),
-        ];
+    pub fn read(&self, pool: &Pool, rect: Rect, nodes: u64) -> Result<BandLists> {
+        let gpu = self.gpu;
+        let parts = [(&pool.heads, 4 * (rect.pixels() + 1)), (&pool.nodes, self.layout.bytes() * nodes)];
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let copies = gpu.checked("reading the lists", || {
             Ok(parts.map(|(source, bytes)| {
@@ -47,69 +49,75 @@ impl BandLists {
             }))
         })?;
         let words = gpu.submit_and_read(encoder, &copies.each_ref())?;
-        let [heads, color, order, next] = words.as_slice() else {
+        let [heads, nodes] = words.as_slice() else {
             return Err(Error::Device("the lists did not come back whole".into()));
         };
-        // Buffers are never empty: what is beyond the nodes belongs to no list.
-        let nodes = nodes as usize;
-        let color: &[[f32; 4]] = bytemuck::cast_slice(&color[..4 * nodes]);
-        let order: &[[u32; 2]] = bytemuck::cast_slice(&order[..2 * nodes]);
+        let width = rect.w as usize;
         let rows = threads()?.install(|| {
-            heads[..rect.pixels() as usize]
-                .par_chunks(rect.w as usize)
-                .map(|heads| RowLists::walk(heads, color, order, next, perspective))
+            (0..rect.h as usize)
+                .into_par_iter()
+                .map(|row| self.row(&heads[row * width..=(row + 1) * width], nodes))
                 .collect()
         });
-        Ok(Self { rect, rows })
+        Ok(BandLists { rect, rows })
     }
-}
 
-impl RowLists {
-    fn walk(heads: &[u32], color: &[[f32; 4]], order: &[[u32; 2]], next: &[u32], perspective: bool) -> Self {
-        let mut row = Self::default();
-        let mut list = Vec::new();
-        for &head in heads {
-            list.clear();
-            let mut link = head;
-            // Links hold an index plus one, and 0 at the end.
-            while let Some(node) = link.checked_sub(1) {
-                list.push((order[node as usize], node));
-                link = next[node as usize];
+    /// The lists of a row, whose heads come with one more.
+    fn row(&self, heads: &[u32], nodes: &[u32]) -> RowLists {
+        let words = self.layout.words() as usize;
+        let node = |i: u32| &nodes[i as usize * words..(i as usize + 1) * words];
+        let mut row = RowLists::default();
+        for head in heads.windows(2) {
+            let first = row.fragments.len();
+            let mut keep = |i: u32| row.fragments.push(self.layout.decode(node(i), &self.codes));
+            match self.storage {
+                Storage::Contiguous => (head[0]..head[1]).for_each(keep),
+                Storage::Linked => {
+                    // Links hold an index plus one, and 0 at the end.
+                    let mut link = head[0];
+                    while let Some(i) = link.checked_sub(1) {
+                        keep(i);
+                        link = self.layout.next(node(i));
+                    }
+                }
             }
-            list.sort_unstable();
-            row.counts.push(list.len() as i32);
-            for &([key, order], node) in &list {
-                row.key.push(key);
-                row.depth.push(depth_of_key(key, perspective));
-                row.color.push(color[node as usize]);
-                row.primitive.push((!order & 0x7fff_ffff) as i32);
-            }
+            row.fragments[first..].sort_unstable_by_key(|f| (f.key, f.order));
+            row.counts.push((row.fragments.len() - first) as i32);
         }
         row
     }
-}
 
-/// Puts the lists of all rectangles together, in the pixel order of the image.
-pub fn assemble(bands: Vec<BandLists>, width: u32, height: u32) -> Result<Fragments<f32>> {
-    let mut counts = vec![0; width as usize * height as usize];
-    let start = |rect: &Rect, row: usize| (rect.y0 as usize + row) * width as usize + rect.x0 as usize;
-    for band in &bands {
-        for (i, row) in band.rows.iter().enumerate() {
-            let at = start(&band.rect, i);
-            counts[at..at + row.counts.len()].copy_from_slice(&row.counts);
+    /// Puts the lists of all rectangles together, in the pixel order of the image.
+    pub fn assemble(&self, bands: Vec<BandLists>, width: u32, height: u32) -> Result<Fragments<f32>> {
+        let mut counts = vec![0; width as usize * height as usize];
+        let start = |rect: &Rect, row: usize| (rect.y0 as usize + row) * width as usize + rect.x0 as usize;
+        for band in &bands {
+            for (i, row) in band.rows.iter().enumerate() {
+                let at = start(&band.rect, i);
+                counts[at..at + row.counts.len()].copy_from_slice(&row.counts);
+            }
         }
-    }
-    let mut all = Fragments::<f32>::with_counts(&counts, Extras { coverage: false, blend: false })
-        .ok_or_else(|| out_of_memory("fragment lists", counts.iter().map(|&n| n as u64).sum::<u64>() * 28))?;
-    for band in bands {
-        for (i, row) in band.rows.into_iter().enumerate() {
-            let first = all.offsets[start(&band.rect, i)] as usize;
-            let part = first..first + row.key.len();
-            all.key[part.clone()].copy_from_slice(&row.key);
-            all.depth[part.clone()].copy_from_slice(&row.depth);
-            all.color[part.clone()].copy_from_slice(&row.color);
-            all.primitive[part].copy_from_slice(&row.primitive);
+        let extras = Extras { coverage: self.layout.samples > 1, blend: self.layout.mixed };
+        let mut all = Fragments::<f32>::with_counts(&counts, extras).ok_or_else(|| {
+            out_of_memory("fragment lists", counts.iter().map(|&n| n as u64).sum::<u64>() * 28)
+        })?;
+        for band in bands {
+            for (i, row) in band.rows.into_iter().enumerate() {
+                let first = all.offsets[start(&band.rect, i)] as usize;
+                for (at, f) in (first..).zip(row.fragments) {
+                    all.key[at] = f.key;
+                    all.depth[at] = depth_of_key(f.key, self.codes.perspective);
+                    all.color[at] = f.color;
+                    all.primitive[at] = f.primitive;
+                    if let Some(coverage) = &mut all.coverage {
+                        coverage[at] = f.coverage;
+                    }
+                    if let Some(blend) = &mut all.blend {
+                        blend[at] = f.mode;
+                    }
+                }
+            }
         }
+        Ok(all)
     }
-    Ok(all)
 }

@@ -1,36 +1,51 @@
 //! Lists longer than the resolve's temporary array: counted, copied to scratch, sorted and composited by
-//! dispatches of bounded length (see linked_list_long.wgsl).
+//! dispatches of bounded length (see resolve/long.wgsl).
 
 use wgpu::BufferUsages;
 
 use super::buffers::{bind, readable, storage, with_contents};
 use super::passes::Frame;
+use super::pipelines::Long;
 use super::pool::Pool;
 use super::timing::Timing;
-use super::uniforms::{LongPixel, Round};
+use super::uniforms::{LongPixel, LongSample, Round};
 use crate::error::{Error, Result};
-use crate::frame::Stats;
+use crate::frame::{LimitPolicy, Stats};
 use crate::shader::CHUNK;
 
 /// Invocations of a workgroup in all of these stages.
 const WORKGROUP: u32 = 64;
 
-/// Resolves the pixels that the resolve put aside. `scratch`: entries that may be sorted at a time.
+/// What is known of long lists once they are counted.
+pub struct Found {
+    pub longest: u32,
+    /// Fragments beyond the limit.
+    pub dropped: u64,
+}
+
+/// Resolves the pixels that the classes left over: so many of `class_pixels`, from the first on.
 pub fn resolve(
     frame: &Frame,
     pool: &Pool,
     read_group: &wgpu::BindGroup,
-    long_count: u32,
-    scratch: u64,
+    (first_pixel, long_count): (u32, u32),
     stats: &mut Stats,
-) -> Result<()> {
-    let counting =
-        Sorter::new(frame, pool, read_group, &vec![bytemuck::Zeroable::zeroed(); long_count as usize], 0);
-    counting.submit(&[(&frame.pipelines.begin, long_count, 0, 0)], stats)?;
-    counting.until_finished(&frame.pipelines.count, 0, stats)?;
+) -> Result<Found> {
+    let blank = vec![bytemuck::Zeroable::zeroed(); long_count as usize];
+    let counting = Sorter::new(frame, pool, read_group, &blank, first_pixel, 0)?;
+    counting.submit(&[Dispatch::new(&counting.stages.begin, long_count)], stats)?;
+    counting.until_finished(Dispatch::new(&counting.stages.count, long_count), stats)?;
     let mut pixels = counting.read_pixels()?;
+    let limit = frame.pipelines.variant.limit.map_or(u32::MAX, |(n, _)| n);
+    let mut found = Found { longest: 0, dropped: 0 };
+    for pixel in &mut pixels {
+        pixel.kept = pixel.count.min(limit);
+        found.longest = found.longest.max(pixel.count);
+        found.dropped += u64::from(pixel.count - pixel.kept);
+    }
     // Longest first, so that a batch holds lists of like length and needs few rounds.
     pixels.sort_unstable_by_key(|p| std::cmp::Reverse((p.count, p.pixel)));
+    let scratch = frame.scratch;
     let mut rest = pixels.as_mut_slice();
     while !rest.is_empty() {
         let mut entries = 0_u64;
@@ -41,7 +56,7 @@ pub fn resolve(
                 break;
             }
             pixel.first = entries as u32;
-            (pixel.link, pixel.written, pixel.composited) = (pixel.head, 0, 0);
+            pixel.written = 0;
             entries += padded;
             fitting += 1;
         }
@@ -56,20 +71,39 @@ pub fn resolve(
         let (batch, later) = std::mem::take(&mut rest).split_at_mut(fitting);
         rest = later;
         stats.raise("scratch", 8 * entries + size_of_val(batch) as u64);
-        Sorter::new(frame, pool, read_group, batch, entries as u32).run(stats)?;
+        Sorter::new(frame, pool, read_group, batch, first_pixel, entries as u32)?.run(stats)?;
     }
-    Ok(())
+    Ok(found)
 }
 
-/// A pipeline, its invocations, the buffer of entries that they read, and the width of a merge's runs.
-type Dispatch<'p> = (&'p wgpu::ComputePipeline, u32, usize, u32);
+/// One dispatch of a stage.
+#[derive(Clone, Copy)]
+struct Dispatch<'p> {
+    pipeline: &'p wgpu::ComputePipeline,
+    invocations: u32,
+    /// The buffer of entries that it reads.
+    source: usize,
+    /// Of a merge's runs.
+    width: u32,
+    /// Sort by primitive, to find the last submitted.
+    by_order: bool,
+}
+
+impl<'p> Dispatch<'p> {
+    fn new(pipeline: &'p wgpu::ComputePipeline, invocations: u32) -> Self {
+        Self { pipeline, invocations, source: 0, width: 0, by_order: false }
+    }
+}
 
 /// A batch of long lists and its buffers.
 struct Sorter<'a> {
     frame: &'a Frame<'a>,
-    pool: &'a Pool,
+    stages: &'a Long,
     read_group: &'a wgpu::BindGroup,
+    class_pixels: &'a wgpu::Buffer,
+    first_pixel: u32,
     long: wgpu::Buffer,
+    samples: wgpu::Buffer,
     unfinished: wgpu::Buffer,
     entries: [wgpu::Buffer; 2],
     chunk_owner: wgpu::Buffer,
@@ -84,8 +118,9 @@ impl<'a> Sorter<'a> {
         pool: &'a Pool,
         read_group: &'a wgpu::BindGroup,
         pixels: &[LongPixel],
+        first_pixel: u32,
         entries: u32,
-    ) -> Self {
+    ) -> Result<Self> {
         let gpu = frame.gpu;
         let chunk_count = entries / CHUNK;
         let mut owner = Vec::with_capacity(chunk_count as usize);
@@ -95,44 +130,64 @@ impl<'a> Sorter<'a> {
             }
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        Self {
+        let samples = u64::from(frame.pipelines.variant.layout.samples) * pixels.len() as u64;
+        Ok(Self {
             frame,
-            pool,
+            stages: frame.pipelines.long(gpu)?,
             read_group,
+            class_pixels: &pool.class_pixels,
+            first_pixel,
             long: with_contents(gpu, "long", usage, pixels),
+            // New buffers are zero: nothing is composited yet.
+            samples: storage(gpu, "long samples", size_of::<LongSample>() as u64 * samples),
             unfinished: storage(gpu, "unfinished", 4),
             entries: ["ping", "pong"].map(|label| storage(gpu, label, 4 * u64::from(entries))),
             chunk_owner: with_contents(gpu, "chunk owners", usage, &owner),
             long_count: pixels.len() as u32,
             chunk_count,
             longest: pixels.iter().map(|p| p.count).max().unwrap_or(0),
-        }
+        })
     }
 
     /// Gathers, sorts and composites the batch.
     fn run(&self, stats: &mut Stats) -> Result<()> {
-        let pipelines = self.frame.pipelines;
-        self.until_finished(&pipelines.gather, 0, stats)?;
-        let mut rounds: Vec<Dispatch> = vec![(&pipelines.sort_chunks, self.chunk_count, 0, 0)];
-        let mut width = CHUNK;
+        let (stages, variant) = (self.stages, &self.frame.pipelines.variant);
+        // Walks start at the head again.
+        self.until_finished(Dispatch::new(&stages.gather, self.long_count), stats)?;
+        let mut rounds = Vec::new();
         let mut source = 0;
+        if matches!(variant.limit, Some((_, LimitPolicy::LastSubmitted))) {
+            source = self.sort(&mut rounds, source, true);
+            rounds.push(Dispatch { source, ..Dispatch::new(&stages.truncate, self.chunk_count) });
+        }
+        source = self.sort(&mut rounds, source, false);
+        self.submit(&rounds, stats)?;
+        let composite = Dispatch::new(&stages.composite, self.long_count * variant.layout.samples);
+        self.until_finished(Dispatch { source, ..composite }, stats)?;
+        self.submit(&[Dispatch::new(&stages.finish, self.long_count)], stats).map(|_| ())
+    }
+
+    /// The rounds that sort what is in one of the buffers of entries. Returns in which it ends up.
+    fn sort(&self, rounds: &mut Vec<Dispatch<'a>>, mut source: usize, by_order: bool) -> usize {
+        let of = |pipeline: &'a wgpu::ComputePipeline, source, width| Dispatch {
+            source,
+            width,
+            by_order,
+            ..Dispatch::new(pipeline, self.chunk_count)
+        };
+        rounds.push(of(&self.stages.sort_chunks, source, 0));
+        let mut width = CHUNK;
         while width < self.longest {
-            rounds.push((&pipelines.merge, self.chunk_count, source, width));
+            rounds.push(of(&self.stages.merge, source, width));
             source = 1 - source;
             width = width.saturating_mul(2);
         }
-        self.submit(&rounds, stats)?;
-        self.until_finished(&pipelines.composite, source, stats)
+        source
     }
 
-    /// Dispatches one invocation a pixel until none has stored its state for another turn.
-    fn until_finished(
-        &self,
-        pipeline: &wgpu::ComputePipeline,
-        source: usize,
-        stats: &mut Stats,
-    ) -> Result<()> {
-        while self.submit(&[(pipeline, self.long_count, source, 0)], stats)? {}
+    /// Dispatches until no invocation has stored its state for another turn.
+    fn until_finished(&self, dispatch: Dispatch, stats: &mut Stats) -> Result<()> {
+        while self.submit(&[dispatch], stats)? {}
         Ok(())
     }
 
@@ -152,36 +207,41 @@ impl<'a> Sorter<'a> {
         Ok(results[0].iter().any(|&word| word != 0))
     }
 
-    fn encode(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        (pipeline, n, source, width): Dispatch,
-        timing: &Timing,
-    ) {
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, dispatch: Dispatch, timing: &Timing) {
         let gpu = self.frame.gpu;
-        let round = Round { width, long_count: self.long_count, chunk_count: self.chunk_count, pad: 0 };
+        let round = Round {
+            width: dispatch.width,
+            long_count: self.long_count,
+            chunk_count: self.chunk_count,
+            first_pixel: self.first_pixel,
+            by_order: u32::from(dispatch.by_order),
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
+        };
         let group = bind(
             gpu,
             "long",
-            &self.frame.pipelines.long,
+            &self.frame.pipelines.layouts.long,
             &[
                 (&self.long).into(),
                 (&self.unfinished).into(),
-                (&self.entries[source]).into(),
-                (&self.entries[1 - source]).into(),
+                (&self.entries[dispatch.source]).into(),
+                (&self.entries[1 - dispatch.source]).into(),
                 (&self.chunk_owner).into(),
                 (&with_contents(gpu, "round", BufferUsages::UNIFORM, &[round])).into(),
-                (&self.pool.long_pixels).into(),
+                self.class_pixels.into(),
+                (&self.samples).into(),
             ],
         );
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("long lists"),
             timestamp_writes: timing.compute("long lists"),
         });
-        pass.set_pipeline(pipeline);
+        pass.set_pipeline(dispatch.pipeline);
         pass.set_bind_group(0, self.read_group, &[]);
         pass.set_bind_group(1, &group, &[]);
-        let groups = n.div_ceil(WORKGROUP);
+        let groups = dispatch.invocations.div_ceil(WORKGROUP);
         let x = groups.clamp(1, gpu.limits.max_compute_workgroups_per_dimension);
         pass.dispatch_workgroups(x, groups.div_ceil(x), 1);
     }

@@ -1,98 +1,314 @@
-//! Every pipeline of a device, made once.
+//! The pipelines of a variant, each made when it is first used.
+
+use std::sync::OnceLock;
 
 use pollster::block_on;
-use wgpu::ShaderStages;
+use wgpu::{ShaderStages, TextureFormat};
 
 use super::buffers::{Slot, layout};
 use super::device::Gpu;
+use super::variant::{BuildStage, Variant};
 use crate::error::{Error, Result};
 use crate::shader::Composed;
 
-pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-pub const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+pub const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+pub const COLOR_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
+/// A target that nothing is written to, where a pass needs no other: it only says how large a pass is, and with
+/// how many samples.
+pub const COVERAGE_FORMAT: TextureFormat = TextureFormat::R8Unorm;
+
+/// Made at the first use; what went wrong is kept too.
+type Once<T> = OnceLock<Result<T>>;
 
 pub struct Pipelines {
+    pub variant: Variant,
+    pub layouts: Layouts,
+    opaque: Once<wgpu::RenderPipeline>,
+    build: [Once<wgpu::RenderPipeline>; 3],
+    classify: Once<Classify>,
+    classes: Vec<Once<wgpu::ComputePipeline>>,
+    fullscreen: Vec<Once<wgpu::RenderPipeline>>,
+    average: Once<wgpu::ComputePipeline>,
+    background: Once<wgpu::ComputePipeline>,
+    long: Once<Long>,
+    scan: Once<Scan>,
+}
+
+/// Bind group layouts, by what is bound.
+pub struct Layouts {
     /// Group 0 of the raster stages: view, batch, and the geometry.
     pub geometry: wgpu::BindGroupLayout,
-    /// Group 1 of the build: the lists, to write.
-    pub lists: wgpu::BindGroupLayout,
-    /// Group 2 of the build where the shader compares depths; `None` where the test is early.
+    /// Group 1 of the passes over translucent geometry.
+    pub link: wgpu::BindGroupLayout,
+    pub count: wgpu::BindGroupLayout,
+    pub scatter: wgpu::BindGroupLayout,
+    /// Group 2 of those where the shader compares depths.
     pub depth: Option<wgpu::BindGroupLayout>,
-    /// Group 0 of the stages after it: the lists, to read, and the results.
+    /// Group 0 of the stages after them: the lists, to read, and the results.
     pub read: wgpu::BindGroupLayout,
-    /// Group 1 of the resolve: the pixels with long lists.
-    pub long_pixels: wgpu::BindGroupLayout,
-    /// Group 1 of the stages for long lists.
+    pub classify: wgpu::BindGroupLayout,
+    pub class: wgpu::BindGroupLayout,
+    pub average: wgpu::BindGroupLayout,
+    pub background: wgpu::BindGroupLayout,
     pub long: wgpu::BindGroupLayout,
-    pub opaque: wgpu::RenderPipeline,
-    pub build: wgpu::RenderPipeline,
-    pub resolve: wgpu::ComputePipeline,
+    pub scan: wgpu::BindGroupLayout,
+}
+
+pub struct Classify {
+    pub classify: wgpu::ComputePipeline,
+    pub plan: wgpu::ComputePipeline,
+    pub scatter: wgpu::ComputePipeline,
+}
+
+/// The stages for long lists.
+pub struct Long {
     pub begin: wgpu::ComputePipeline,
     pub count: wgpu::ComputePipeline,
     pub gather: wgpu::ComputePipeline,
     pub sort_chunks: wgpu::ComputePipeline,
     pub merge: wgpu::ComputePipeline,
+    pub truncate: wgpu::ComputePipeline,
     pub composite: wgpu::ComputePipeline,
+    pub finish: wgpu::ComputePipeline,
+}
+
+pub struct Scan {
+    pub scan: wgpu::ComputePipeline,
+    pub add: wgpu::ComputePipeline,
+}
+
+impl Layouts {
+    fn new(gpu: &Gpu, variant: &Variant) -> Self {
+        use Slot::{Color, Colors, Depth, Depths, Read, ReadWrite, Uniform};
+        let (raster, fragment) = (ShaderStages::VERTEX_FRAGMENT, ShaderStages::FRAGMENT);
+        // The resolve runs as a dispatch or as a full-screen pass.
+        let (resolve, compute) = (ShaderStages::COMPUTE | ShaderStages::FRAGMENT, ShaderStages::COMPUTE);
+        let samples = variant.layout.samples > 1;
+        let (color, depth) = if samples { (Colors, Depths) } else { (Color, Depth) };
+        let of = |label: &str, stages, slots: &[Slot]| layout(gpu, label, stages, slots);
+        Self {
+            geometry: of("geometry", raster, &[Uniform, Uniform, Read, Read, Read, Read]),
+            link: of("link", fragment, &[Uniform, ReadWrite, ReadWrite, ReadWrite]),
+            count: of("count", fragment, &[Uniform, ReadWrite]),
+            scatter: of("scatter", fragment, &[Uniform, ReadWrite, ReadWrite]),
+            depth: variant.compares_depth().then(|| of("opaque depth", fragment, &[depth])),
+            read: of("read", resolve, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite, Color, color]),
+            classify: of("classify", compute, &[ReadWrite, ReadWrite, ReadWrite]),
+            class: of("class", resolve, &[Read, Read, ReadWrite]),
+            average: of("average", compute, &[Read]),
+            background: of("background", compute, &[ReadWrite]),
+            long: of(
+                "long",
+                compute,
+                &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, Read, Uniform, Read, ReadWrite],
+            ),
+            scan: of("scan", compute, &[ReadWrite, ReadWrite, Uniform, ReadWrite]),
+        }
+    }
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        use Slot::{Color, Depth, Read, ReadWrite, Uniform};
-        let raster = ShaderStages::VERTEX_FRAGMENT;
-        let compute = ShaderStages::COMPUTE;
-        let early = gpu.features.contains(wgpu::Features::SHADER_EARLY_DEPTH_TEST);
-        let (opaque, build) =
-            (module(gpu, "opaque")?, module(gpu, if early { "build_early" } else { "build_compare" })?);
-        let (resolve, long_module) = (module(gpu, "resolve")?, module(gpu, "long")?);
-        gpu.checked("making pipelines", || {
-            let geometry = layout(gpu, "geometry", raster, &[Uniform, Uniform, Read, Read, Read, Read]);
-            let lists = layout(
-                gpu,
-                "lists",
-                ShaderStages::FRAGMENT,
-                &[Uniform, ReadWrite, ReadWrite, ReadWrite, ReadWrite, ReadWrite],
-            );
-            let depth = (!early).then(|| layout(gpu, "opaque depth", ShaderStages::FRAGMENT, &[Depth]));
-            let read = layout(
-                gpu,
-                "read",
-                compute,
-                &[Uniform, Uniform, Read, Read, Read, Read, ReadWrite, ReadWrite, Color],
-            );
-            let long_pixels = layout(gpu, "long pixels", compute, &[ReadWrite]);
-            let long = layout(
-                gpu,
-                "long",
-                compute,
-                &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, Read, Uniform, Read],
-            );
-            let of_long = |entry: &str| compute_pipeline(gpu, &long_module, entry, &[&read, &long]);
-            let mut build_groups = vec![&geometry, &lists];
-            build_groups.extend(&depth);
-            Ok(Self {
-                opaque: render_pipeline(gpu, &opaque, "opaque", &[&geometry], true),
-                build: render_pipeline(gpu, &build, "build", &build_groups, false),
-                resolve: compute_pipeline(gpu, &resolve, "cs_resolve", &[&read, &long_pixels]),
-                begin: of_long("cs_begin"),
-                count: of_long("cs_count"),
-                gather: of_long("cs_gather"),
-                sort_chunks: of_long("cs_sort_chunks"),
-                merge: of_long("cs_merge"),
-                composite: of_long("cs_composite"),
-                geometry,
-                lists,
-                depth,
-                read,
-                long_pixels,
-                long,
+    pub fn new(gpu: &Gpu, variant: Variant) -> Self {
+        let classes = variant.classes.len();
+        Self {
+            layouts: Layouts::new(gpu, &variant),
+            opaque: OnceLock::new(),
+            build: Default::default(),
+            classify: OnceLock::new(),
+            classes: (0..classes).map(|_| OnceLock::new()).collect(),
+            fullscreen: (0..classes).map(|_| OnceLock::new()).collect(),
+            average: OnceLock::new(),
+            background: OnceLock::new(),
+            long: OnceLock::new(),
+            scan: OnceLock::new(),
+            variant,
+        }
+    }
+
+    /// Opaque geometry: writes colour and depth.
+    pub fn opaque(&self, gpu: &Gpu) -> Result<&wgpu::RenderPipeline> {
+        once(gpu, &self.opaque, || {
+            let module = compile(gpu, "opaque", &self.variant.opaque()?)?;
+            let color = Some(wgpu::ColorTargetState {
+                format: COLOR_FORMAT,
+                blend: None,
+                write_mask: wgpu::ColorWrites::ALL,
+            });
+            let depth = self.depth_state(true, false);
+            Ok(self.render(gpu, &module, "opaque", &[&self.layouts.geometry], Some(depth), &[color]))
+        })
+    }
+
+    /// A pass over translucent geometry. It writes no target: it tests depth, counts in the stencil, or does
+    /// neither, and has no colour target beside a depth target, since Mesa's llvmpipe loses storage writes of
+    /// draws that write colour.
+    pub fn build(&self, gpu: &Gpu, stage: BuildStage) -> Result<&wgpu::RenderPipeline> {
+        once(gpu, &self.build[stage as usize], || {
+            let module = compile(gpu, "build", &self.variant.build(stage)?)?;
+            let lists = match stage {
+                BuildStage::Link => &self.layouts.link,
+                BuildStage::Count => &self.layouts.count,
+                BuildStage::Scatter => &self.layouts.scatter,
+            };
+            let mut groups = vec![&self.layouts.geometry, lists];
+            groups.extend(&self.layouts.depth);
+            if self.variant.depth_format().is_some() {
+                let depth = self.depth_state(false, true);
+                return Ok(self.render(gpu, &module, "build", &groups, Some(depth), &[]));
+            }
+            let nothing = Some(wgpu::ColorTargetState {
+                format: COVERAGE_FORMAT,
+                blend: None,
+                write_mask: wgpu::ColorWrites::empty(),
+            });
+            Ok(self.render(gpu, &module, "build", &groups, None, &[nothing]))
+        })
+    }
+
+    pub fn classify(&self, gpu: &Gpu) -> Result<&Classify> {
+        once(gpu, &self.classify, || {
+            let module = compile(gpu, "classify", &self.variant.classify()?)?;
+            let groups = [&self.layouts.read, &self.layouts.classify];
+            let of = |entry: &str| compute(gpu, &module, entry, &groups);
+            Ok(Classify { classify: of("cs_classify"), plan: of("cs_plan"), scatter: of("cs_scatter") })
+        })
+    }
+
+    pub fn class(&self, gpu: &Gpu, class: usize) -> Result<&wgpu::ComputePipeline> {
+        once(gpu, &self.classes[class], || {
+            let module = compile(gpu, "class", &self.variant.class(class)?)?;
+            Ok(compute(gpu, &module, "cs_resolve", &[&self.layouts.read, &self.layouts.class]))
+        })
+    }
+
+    pub fn fullscreen(&self, gpu: &Gpu, class: usize) -> Result<&wgpu::RenderPipeline> {
+        once(gpu, &self.fullscreen[class], || {
+            let module = compile(gpu, "class", &self.variant.class(class)?)?;
+            let mut depth = self.depth_state(false, false);
+            depth.depth_compare = depth.depth_compare.map(|_| wgpu::CompareFunction::Always);
+            let face = wgpu::StencilFaceState {
+                compare: wgpu::CompareFunction::NotEqual, // to 0: something is listed
+                ..wgpu::StencilFaceState::IGNORE
+            };
+            depth.stencil = wgpu::StencilState { front: face, back: face, read_mask: 0xff, write_mask: 0 };
+            let groups = [&self.layouts.read, &self.layouts.class];
+            Ok(self.render(gpu, &module, "resolve", &groups, Some(depth), &[]))
+        })
+    }
+
+    pub fn average(&self, gpu: &Gpu) -> Result<&wgpu::ComputePipeline> {
+        once(gpu, &self.average, || {
+            let module = compile(gpu, "average", &self.variant.average()?)?;
+            Ok(compute(gpu, &module, "cs_average", &[&self.layouts.read, &self.layouts.average]))
+        })
+    }
+
+    pub fn background(&self, gpu: &Gpu) -> Result<&wgpu::ComputePipeline> {
+        once(gpu, &self.background, || {
+            let module = compile(gpu, "background", &self.variant.background()?)?;
+            Ok(compute(gpu, &module, "cs_background", &[&self.layouts.read, &self.layouts.background]))
+        })
+    }
+
+    pub fn long(&self, gpu: &Gpu) -> Result<&Long> {
+        once(gpu, &self.long, || {
+            let module = compile(gpu, "long", &self.variant.long()?)?;
+            let of = |entry: &str| compute(gpu, &module, entry, &[&self.layouts.read, &self.layouts.long]);
+            Ok(Long {
+                begin: of("cs_begin"),
+                count: of("cs_count"),
+                gather: of("cs_gather"),
+                sort_chunks: of("cs_sort_chunks"),
+                merge: of("cs_merge"),
+                truncate: of("cs_truncate"),
+                composite: of("cs_composite"),
+                finish: of("cs_finish"),
             })
+        })
+    }
+
+    pub fn scan(&self, gpu: &Gpu) -> Result<&Scan> {
+        once(gpu, &self.scan, || {
+            let module = compile(gpu, "scan", &self.variant.scan()?)?;
+            let of = |entry: &str| compute(gpu, &module, entry, &[&self.layouts.scan]);
+            Ok(Scan { scan: of("cs_scan"), add: of("cs_add") })
+        })
+    }
+
+    fn depth_state(&self, writes: bool, counts: bool) -> wgpu::DepthStencilState {
+        let format = self.variant.depth_format().unwrap_or(DEPTH_FORMAT);
+        let face = wgpu::StencilFaceState {
+            compare: wgpu::CompareFunction::Always,
+            fail_op: wgpu::StencilOperation::Keep,
+            depth_fail_op: wgpu::StencilOperation::Keep,
+            // Clamped: 256 fragments must not count as none.
+            pass_op: wgpu::StencilOperation::IncrementClamp,
+        };
+        let stencil = if counts && self.variant.fullscreen {
+            wgpu::StencilState { front: face, back: face, read_mask: 0xff, write_mask: 0xff }
+        } else {
+            wgpu::StencilState::default()
+        };
+        // Depth is reversed. Equal passes: a fragment at the opaque depth is kept, and of two opaque ones the
+        // later wins. Where the shader compares samples, the hardware must not decide first, by other roundings.
+        let compare = if self.variant.layout.samples > 1 && !writes {
+            wgpu::CompareFunction::Always
+        } else {
+            wgpu::CompareFunction::GreaterEqual
+        };
+        let has_depth = format.has_depth_aspect();
+        wgpu::DepthStencilState {
+            format,
+            depth_write_enabled: has_depth.then_some(writes),
+            depth_compare: has_depth.then_some(compare),
+            stencil,
+            bias: wgpu::DepthBiasState::default(),
+        }
+    }
+
+    fn render(
+        &self,
+        gpu: &Gpu,
+        module: &wgpu::ShaderModule,
+        stage: &str,
+        groups: &[&wgpu::BindGroupLayout],
+        depth_stencil: Option<wgpu::DepthStencilState>,
+        targets: &[Option<wgpu::ColorTargetState>],
+    ) -> wgpu::RenderPipeline {
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(stage),
+            layout: Some(&pipeline_layout(gpu, groups)),
+            vertex: wgpu::VertexState {
+                module,
+                entry_point: Some(&format!("vs_{stage}")),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            // Two-sided: the vertex stage culls, by the winding that the user gave.
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil,
+            multisample: wgpu::MultisampleState {
+                count: self.variant.layout.samples,
+                ..wgpu::MultisampleState::default()
+            },
+            fragment: Some(wgpu::FragmentState {
+                module,
+                entry_point: Some(&format!("fs_{stage}")),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets,
+            }),
+            multiview_mask: None,
+            cache: None,
         })
     }
 }
 
+fn once<'p, T>(gpu: &Gpu, slot: &'p Once<T>, make: impl FnOnce() -> Result<T>) -> Result<&'p T> {
+    slot.get_or_init(|| gpu.checked("making pipelines", make)).as_ref().map_err(Clone::clone)
+}
+
 /// Compiles a module; what is wrong with it is told in the lines of its own files.
-fn module(gpu: &Gpu, name: &str) -> Result<wgpu::ShaderModule> {
-    let composed = Composed::module(name)?;
+fn compile(gpu: &Gpu, name: &str, composed: &Composed) -> Result<wgpu::ShaderModule> {
     let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(name),
@@ -118,7 +334,7 @@ fn pipeline_layout(gpu: &Gpu, groups: &[&wgpu::BindGroupLayout]) -> wgpu::Pipeli
     })
 }
 
-fn compute_pipeline(
+fn compute(
     gpu: &Gpu,
     module: &wgpu::ShaderModule,
     entry: &str,
@@ -130,52 +346,6 @@ fn compute_pipeline(
         module,
         entry_point: Some(entry),
         compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    })
-}
-
-/// The opaque pass writes colour and depth. The build writes neither: it only tests depth, and has no colour
-/// target at all, since Mesa's llvmpipe loses storage writes of draws that write colour.
-fn render_pipeline(
-    gpu: &Gpu,
-    module: &wgpu::ShaderModule,
-    stage: &str,
-    groups: &[&wgpu::BindGroupLayout],
-    writes: bool,
-) -> wgpu::RenderPipeline {
-    let color = [Some(wgpu::ColorTargetState {
-        format: COLOR_FORMAT,
-        blend: None,
-        write_mask: wgpu::ColorWrites::ALL,
-    })];
-    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(stage),
-        layout: Some(&pipeline_layout(gpu, groups)),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some(&format!("vs_{stage}")),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        // Two-sided: the vertex stage culls, by the winding that the user gave.
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(writes),
-            // Depth is reversed. Equal passes: a fragment at the opaque depth is kept, and of two opaque
-            // ones the later wins.
-            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some(&format!("fs_{stage}")),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: if writes { &color } else { &[] },
-        }),
-        multiview_mask: None,
         cache: None,
     })
 }

@@ -1,14 +1,14 @@
 //! How much fits where: rectangles of the image, the pool of nodes that one is rendered with, and what
 //! `memory=` and the device allow of both.
 
-use super::buffers::storage;
+use super::buffers::{indirect, storage};
 use super::device::Gpu;
+use super::variant::Variant;
 use crate::error::{Error, Result};
+use crate::frame::{MsaaResolve, Storage};
 
 /// What heads, nodes and scratch may take together unless `memory=` says otherwise.
 pub const DEFAULT_MEMORY: u64 = 2 << 30;
-/// Bytes of a node: colour 16, key and order 8, next 4.
-pub const NODE_BYTES: u64 = 28;
 /// Bytes of scratch for a node of a long list: two entries, each padded to at most twice its number.
 pub const SCRATCH_BYTES: u64 = 16;
 
@@ -26,56 +26,107 @@ impl Rect {
         u64::from(self.w) * u64::from(self.h)
     }
 
-    /// Two halves: bands of rows as long as there are some, then across. `None` for a pixel.
-    pub fn halves(&self) -> Option<[Self; 2]> {
-        if self.h > 1 {
-            let h = self.h / 2;
-            Some([Self { h, ..*self }, Self { y0: self.y0 + h, h: self.h - h, ..*self }])
-        } else if self.w > 1 {
-            let w = self.w / 2;
-            Some([Self { w, ..*self }, Self { x0: self.x0 + w, w: self.w - w, ..*self }])
-        } else {
-            None
+    /// The smallest that holds both.
+    pub fn union(self, other: Self) -> Self {
+        let (x0, y0) = (self.x0.min(other.x0), self.y0.min(other.y0));
+        let (x1, y1) =
+            ((self.x0 + self.w).max(other.x0 + other.w), (self.y0 + self.h).max(other.y0 + other.h));
+        Self { x0, y0, w: x1 - x0, h: y1 - y0 }
+    }
+
+    /// Parts of whole rows with at most `pixels` pixels, the top one last; parts of rows where those are longer.
+    pub fn parts(&self, pixels: u64) -> Vec<Self> {
+        let w = u64::from(self.w).min(pixels.max(1)) as u32;
+        let h = ((pixels / u64::from(w)).max(1)).min(u64::from(self.h)) as u32;
+        let mut parts = Vec::new();
+        for y in (0..self.h).step_by(h as usize) {
+            for x in (0..self.w).step_by(w as usize) {
+                let (w, h) = (w.min(self.w - x), h.min(self.h - y));
+                parts.push(Self { x0: self.x0 + x, y0: self.y0 + y, w, h });
+            }
         }
+        parts.reverse();
+        parts
     }
 }
 
 /// Buffers for the lists and results of one rectangle.
 pub struct Pool {
+    /// Linked: each pixel's latest node. Contiguous: where its list starts, one more than pixels.
     pub heads: wgpu::Buffer,
+    /// Contiguous: where its next node goes.
+    pub cursors: wgpu::Buffer,
+    /// Nodes that were asked for: low word, and how often it wrapped.
     pub counter: wgpu::Buffer,
-    pub node_color: wgpu::Buffer,
-    pub node_order: wgpu::Buffer,
-    pub node_next: wgpu::Buffer,
+    pub nodes: wgpu::Buffer,
     pub image: wgpu::Buffer,
     pub counts: wgpu::Buffer,
-    /// A count, then pixels.
-    pub long_pixels: wgpu::Buffer,
+    pub classes: wgpu::Buffer,
+    /// Pixels, class after class.
+    pub class_pixels: wgpu::Buffer,
+    pub arguments: wgpu::Buffer,
+    pub sample_colors: wgpu::Buffer,
     pub pixels: u64,
     pub capacity: u64,
+    node_bytes: u64,
+    pixel_bytes: u64,
+}
+
+/// Words of `Classes` in resolve/classify.wgsl.
+pub fn class_words(variant: &Variant) -> u64 {
+    3 * (variant.classes.len() as u64 + 1) + 3
+}
+
+/// Colours a pixel that a band returns.
+pub fn image_samples(variant: &Variant) -> u64 {
+    if variant.msaa == MsaaResolve::None { u64::from(variant.layout.samples) } else { 1 }
 }
 
 impl Pool {
-    pub fn new(gpu: &Gpu, pixels: u64, capacity: u64) -> Result<Self> {
+    pub fn new(gpu: &Gpu, variant: &Variant, pixels: u64, capacity: u64) -> Result<Self> {
+        let node_bytes = variant.layout.bytes();
+        let slots = variant.classes.len() as u64 + 1;
+        let contiguous = variant.storage == Storage::Contiguous;
+        let apart = if variant.per_sample() { 16 * u64::from(variant.layout.samples) } else { 0 };
         gpu.checked("the node pool", || {
             Ok(Self {
-                heads: storage(gpu, "heads", 4 * pixels),
+                heads: storage(gpu, "heads", 4 * (pixels + 1)),
+                cursors: storage(gpu, "cursors", if contiguous { 4 * pixels } else { 0 }),
                 counter: storage(gpu, "counter", 8),
-                node_color: storage(gpu, "node colours", 16 * capacity),
-                node_order: storage(gpu, "node orders", 8 * capacity),
-                node_next: storage(gpu, "node links", 4 * capacity),
-                image: storage(gpu, "image", 16 * pixels),
+                nodes: storage(gpu, "nodes", node_bytes * capacity),
+                image: storage(gpu, "image", 16 * image_samples(variant) * pixels),
                 counts: storage(gpu, "counts", 4 * pixels),
-                long_pixels: storage(gpu, "long pixels", 4 * (pixels + 1)),
+                classes: storage(gpu, "classes", 4 * class_words(variant)),
+                class_pixels: storage(gpu, "class pixels", 4 * pixels),
+                arguments: indirect(gpu, "arguments", (12 + 16) * slots),
+                sample_colors: storage(gpu, "sample colours", apart * pixels),
                 pixels,
                 capacity,
+                node_bytes,
+                pixel_bytes: if contiguous { 8 } else { 4 },
             })
         })
     }
 
-    /// Bytes of the lists.
-    pub fn bytes(&self) -> u64 {
-        4 * self.pixels + NODE_BYTES * self.capacity
+    /// Makes room for `nodes` nodes.
+    pub fn grow(&mut self, gpu: &Gpu, nodes: u64) -> Result<()> {
+        if nodes > self.capacity {
+            // The old ones go first: the two need not fit together.
+            self.nodes = gpu.checked("the node pool", || Ok(storage(gpu, "nodes", 0)))?;
+            self.nodes =
+                gpu.checked("the node pool", || Ok(storage(gpu, "nodes", self.node_bytes * nodes)))?;
+            self.capacity = nodes;
+        }
+        Ok(())
+    }
+
+    /// Bytes of nodes, and of what each pixel has beside them.
+    pub fn bytes(&self) -> [(&'static str, u64); 3] {
+        [
+            ("nodes", self.node_bytes * self.capacity),
+            ("heads", self.pixel_bytes * self.pixels),
+            ("classes", 4 * self.pixels + self.classes.size() + self.arguments.size()),
+        ]
     }
 }
 
@@ -88,48 +139,131 @@ pub struct Budget {
     /// Entries of scratch for long lists.
     pub scratch: u64,
     memory: u64,
-    /// Nodes that the device can bind at once.
+    node_bytes: u64,
+    /// Nodes that the device can bind at once, and links tell apart.
     bindable: u64,
 }
 
 impl Budget {
-    pub fn of(gpu: &Gpu, memory: u64) -> Self {
+    pub fn of(gpu: &Gpu, variant: &Variant, memory: u64) -> Self {
         let binding = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
-        let affordable = (memory - memory / 4) / (NODE_BYTES + SCRATCH_BYTES);
-        // Colours take 16 bytes a node, and links are 32 bits.
-        let bindable = (binding / 16).min(u64::from(u32::MAX >> 1));
+        let node_bytes = variant.layout.bytes();
+        let affordable = (memory - memory / 4) / (node_bytes + SCRATCH_BYTES);
+        let bindable = (binding / node_bytes).min(variant.layout.format.most_nodes());
+        let colors =
+            if variant.per_sample() { u64::from(variant.layout.samples) } else { image_samples(variant) };
         Self {
-            pixels: (memory / 16).min(binding / 16).max(1),
+            pixels: (memory / 16).min(binding / (16 * colors)).max(1),
             nodes: affordable.min(bindable),
             scratch: (2 * affordable).max(1024).min(binding / 4),
             memory,
+            node_bytes,
             bindable,
         }
     }
 
-    /// Why a pixel with `demand` fragments cannot be rendered.
-    pub fn exceeded(&self, rect: Rect, demand: u64) -> Error {
-        let what = format!("the fragments of pixel [{}, {}]", rect.y0, rect.x0);
-        if demand > self.bindable {
-            let advice = "that is what this device binds at once; device=\"cpu\" has no such limit".into();
-            return Error::Capacity { what, needed: 16 * demand, limit: 16 * self.bindable, advice };
+    /// Cuts a rectangle into bands whose fragments fit, by their exact number in each pixel: as few as whole rows
+    /// allow, parts of rows where a row does not fit. Also gives each band's nodes. The top one is last.
+    pub fn bands(&self, rect: Rect, counts: &[u32]) -> Result<Vec<(Rect, u64)>> {
+        let mut bands: Vec<(Rect, u64)> = Vec::new();
+        for (row, y0) in counts.chunks_exact(rect.w as usize).zip(rect.y0..) {
+            let sum: u64 = row.iter().copied().map(u64::from).sum();
+            let above = bands.last_mut().filter(|(band, _)| band.w == rect.w);
+            if let Some((band, nodes)) = above
+                && *nodes + sum <= self.nodes
+            {
+                band.h += 1;
+                *nodes += sum;
+            } else if sum <= self.nodes {
+                bands.push((Rect { y0, h: 1, ..rect }, sum));
+            } else {
+                self.cut_row(rect.x0, y0, row, &mut bands)?;
+            }
+        }
+        bands.reverse();
+        Ok(bands)
+    }
+
+    fn cut_row(&self, x0: u32, y0: u32, row: &[u32], bands: &mut Vec<(Rect, u64)>) -> Result<()> {
+        let mut part = Rect { x0, y0, w: 0, h: 1 };
+        let mut nodes = 0;
+        for (&count, x) in row.iter().zip(x0..) {
+            let count = u64::from(count);
+            if count > self.nodes {
+                return Err(self.exceeded(x, y0, count));
+            }
+            if nodes + count > self.nodes {
+                bands.push((part, nodes));
+                (part, nodes) = (Rect { x0: x, w: 0, ..part }, 0);
+            }
+            part.w += 1;
+            nodes += count;
+        }
+        bands.push((part, nodes));
+        Ok(())
+    }
+
+    /// Why a pixel with so many fragments cannot be rendered.
+    fn exceeded(&self, x: u32, y: u32, fragments: u64) -> Error {
+        let what = format!("the fragments of pixel [{y}, {x}]");
+        if fragments > self.bindable {
+            return Error::Capacity {
+                what,
+                needed: self.node_bytes * fragments,
+                limit: self.node_bytes * self.bindable,
+                advice: "that is what this device binds at once, or the format's links tell apart; \
+                         device=\"cpu\" has no such limit"
+                    .into(),
+            };
         }
         // Three quarters of the memory are for nodes and their sorting.
-        let needed = (demand * (NODE_BYTES + SCRATCH_BYTES)).div_ceil(3) * 4;
+        let needed = (fragments * (self.node_bytes + SCRATCH_BYTES)).div_ceil(3) * 4;
         Error::Capacity { what, needed, limit: self.memory, advice: "raise memory=".into() }
     }
 }
 
-/// Bands of whole rows with at most `pixels` pixels, the top one last.
-pub fn first_rects(width: u32, height: u32, pixels: u64) -> Vec<Rect> {
-    let w = u64::from(width).min(pixels.max(1)) as u32;
-    let h = ((pixels / u64::from(w)).max(1)).min(u64::from(height)) as u32;
-    let mut rects = Vec::new();
-    for y0 in (0..height).step_by(h as usize) {
-        for x0 in (0..width).step_by(w as usize) {
-            rects.push(Rect { x0, y0, w: w.min(width - x0), h: h.min(height - y0) });
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn budget(nodes: u64) -> Budget {
+        Budget { pixels: 100, nodes, scratch: 0, memory: 1 << 20, node_bytes: 28, bindable: 1000 }
+    }
+
+    const RECT: Rect = Rect { x0: 5, y0: 7, w: 3, h: 4 };
+
+    #[test]
+    fn bands_are_as_few_as_whole_rows_allow() {
+        let counts = [1, 1, 1, 2, 2, 2, 0, 0, 0, 4, 0, 0];
+        let bands = budget(9).bands(RECT, &counts).unwrap();
+        assert_eq!(bands, [(Rect { y0: 10, h: 1, ..RECT }, 4), (Rect { h: 3, ..RECT }, 9)]);
+    }
+
+    #[test]
+    fn a_row_that_does_not_fit_is_cut_and_bands_cover_everything_once() {
+        let counts = [1, 0, 0, 5, 4, 6, 0, 0, 1, 0, 2, 0];
+        let bands = budget(9).bands(RECT, &counts).unwrap();
+        assert_eq!(bands.iter().map(|(rect, _)| rect.pixels()).sum::<u64>(), 12);
+        assert_eq!(bands.iter().map(|(_, nodes)| nodes).sum::<u64>(), 19);
+        assert!(bands.iter().all(|(_, nodes)| *nodes <= 9));
+        assert!(bands.contains(&(Rect { x0: 5, y0: 8, w: 2, h: 1 }, 9)));
+    }
+
+    #[test]
+    fn a_pixel_that_does_not_fit_is_an_error_that_names_it() {
+        let mut counts = [0; 12];
+        counts[4] = 10;
+        let error = budget(9).bands(RECT, &counts).unwrap_err().to_string();
+        assert!(error.contains("pixel [8, 6]"), "{error}");
+    }
+
+    #[test]
+    fn parts_cover_a_rectangle_once_and_start_at_the_top() {
+        for pixels in [1, 2, 3, 5, 7, 100] {
+            let parts = RECT.parts(pixels);
+            assert_eq!(parts.iter().map(Rect::pixels).sum::<u64>(), 12);
+            assert!(parts.iter().all(|p| p.pixels() <= pixels));
+            assert_eq!((parts[parts.len() - 1].x0, parts[parts.len() - 1].y0), (5, 7));
         }
     }
-    rects.reverse();
-    rects
 }

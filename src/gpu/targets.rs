@@ -1,77 +1,163 @@
 //! Textures that are rendered to, and the way of pixels between them, buffers and the image.
 
-use super::buffers::readable;
 use super::device::Gpu;
+use super::pipelines::{COLOR_FORMAT, COVERAGE_FORMAT};
 use super::pool::Rect;
+use super::variant::Variant;
 use crate::error::Result;
+use crate::fragments::Background;
 
-pub fn texture(
+/// The targets of a render: only those that the scene requires; the others are of one pixel.
+pub struct Targets {
+    /// The user's background, where that is an image.
+    pub background: wgpu::TextureView,
+    /// What opaque surfaces show, with alpha 1.
+    pub opaque_color: wgpu::TextureView,
+    /// Depth, stencil or both, where something hides or is counted.
+    depth: Option<wgpu::TextureView>,
+    /// Its depth alone, for a shader that compares.
+    pub depth_to_load: Option<wgpu::TextureView>,
+    has_depth: bool,
+    counts_in_stencil: bool,
+    /// What else a pass is measured by.
+    coverage: Option<wgpu::TextureView>,
+    pub bytes: u64,
+}
+
+impl Targets {
+    pub fn new(gpu: &Gpu, variant: &Variant, size: (u32, u32), background: &Background<f32>) -> Result<Self> {
+        let samples = variant.layout.samples;
+        let one = (1, 1);
+        let mut bytes = 0;
+        let mut view = |label, format: wgpu::TextureFormat, (w, h): (u32, u32), samples: u32| {
+            let texture = texture(gpu, label, format, (w, h), samples);
+            if (w, h) != one {
+                // Stencil beside depth takes a word of its own.
+                let each = format.block_copy_size(None).unwrap_or(8);
+                bytes += u64::from(each) * u64::from(w) * u64::from(h) * u64::from(samples);
+            }
+            texture
+        };
+        let is_image = matches!(background, Background::Image(_));
+        let user = view("background", COLOR_FORMAT, if is_image { size } else { one }, 1);
+        if let Background::Image(pixels) = background {
+            write_texture(gpu, &user, pixels);
+        }
+        let opaque = view("opaque colour", COLOR_FORMAT, if variant.hides { size } else { one }, samples);
+        let format = variant.depth_format();
+        let depth = format.map(|format| view("depth", format, size, samples));
+        let coverage = format.is_none().then(|| view("coverage", COVERAGE_FORMAT, size, samples));
+        let whole = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+        let depth_only = |texture: &wgpu::Texture| {
+            texture.create_view(&wgpu::TextureViewDescriptor {
+                aspect: wgpu::TextureAspect::DepthOnly,
+                ..Default::default()
+            })
+        };
+        Ok(Self {
+            background: whole(&user),
+            opaque_color: whole(&opaque),
+            depth_to_load: depth.as_ref().filter(|_| variant.compares_depth()).map(depth_only),
+            has_depth: variant.hides,
+            counts_in_stencil: variant.fullscreen,
+            depth: depth.as_ref().map(whole),
+            coverage: coverage.as_ref().map(whole),
+            bytes,
+        })
+    }
+
+    /// Cleared, for opaque geometry.
+    pub fn depth_to_write(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
+        self.attachment(
+            Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+            self.counts_in_stencil
+                .then_some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
+        )
+    }
+
+    /// Depth as it is; the stencil starts at 0.
+    pub fn depth_to_test(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
+        self.attachment(
+            None,
+            self.counts_in_stencil
+                .then_some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
+        )
+    }
+
+    /// Both as they are.
+    pub fn stencil_to_test(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
+        self.attachment(None, None)
+    }
+
+    fn attachment(
+        &self,
+        depth_ops: Option<wgpu::Operations<f32>>,
+        stencil_ops: Option<wgpu::Operations<u32>>,
+    ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
+        // Depth is reversed: 0 is infinitely far.
+        let depth_ops = depth_ops.filter(|_| self.has_depth);
+        self.depth.as_ref().map(|view| wgpu::RenderPassDepthStencilAttachment {
+            view,
+            depth_ops,
+            stencil_ops,
+        })
+    }
+
+    /// The target that nothing is written to, where there is no other.
+    pub fn nothing(&self) -> Option<Option<wgpu::RenderPassColorAttachment<'_>>> {
+        self.coverage.as_ref().map(|view| {
+            Some(wgpu::RenderPassColorAttachment {
+                view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+            })
+        })
+    }
+}
+
+fn texture(
     gpu: &Gpu,
     label: &str,
     format: wgpu::TextureFormat,
-    width: u32,
-    height: u32,
+    (width, height): (u32, u32),
+    sample_count: u32,
 ) -> wgpu::Texture {
     use wgpu::TextureUsages as Usage;
+    let both = Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING;
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,
-        sample_count: 1,
+        sample_count,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC | Usage::COPY_DST,
+        usage: if sample_count > 1 { both } else { both | Usage::COPY_DST },
         view_formats: &[],
     })
 }
 
-pub fn write_texture(gpu: &Gpu, texture: &wgpu::Texture, pixels: &[[f32; 4]], width: u32, height: u32) {
+fn write_texture(gpu: &Gpu, texture: &wgpu::Texture, pixels: &[[f32; 4]]) {
     gpu.queue.write_texture(
         texture.as_image_copy(),
         bytemuck::cast_slice(pixels),
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
-        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(16 * texture.width()),
+            rows_per_image: None,
+        },
+        texture.size(),
     );
 }
 
-/// The pixels of an RGBA float32 texture.
-pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<[f32; 4]>> {
-    let (width, height) = (texture.width(), texture.height());
-    // Copies of textures come in rows of a multiple of 256 bytes.
-    let row = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let buffer = gpu.checked("reading the background", || {
-        let buffer = readable(gpu, "background", u64::from(row) * u64::from(height));
-        encoder.copy_texture_to_buffer(
-            texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &buffer,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(row),
-                    rows_per_image: None,
-                },
-            },
-            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        );
-        Ok(buffer)
-    })?;
-    let words = gpu.submit_and_read(encoder, &[&buffer])?.remove(0);
-    let mut pixels = Vec::with_capacity(width as usize * height as usize);
-    for line in words.chunks_exact(row as usize / 4) {
-        pixels.extend_from_slice(bytemuck::cast_slice::<u32, [f32; 4]>(&line[..4 * width as usize]));
-    }
-    Ok(pixels)
-}
-
-/// Copies the rows of a rectangle into the whole image.
-pub fn place<V: bytemuck::Pod>(words: &[u32], image: &mut [V], width: u32, rect: Rect) {
-    let w = rect.w as usize;
+/// Copies the rows of a rectangle, `each` values a pixel, into the whole image.
+pub fn place<V: bytemuck::Pod>(words: &[u32], image: &mut [V], width: u32, rect: Rect, each: usize) {
+    let w = rect.w as usize * each;
     // The buffer may be a little longer than the rectangle.
-    let pixels = rect.pixels() as usize;
-    let rows: &[V] = bytemuck::cast_slice(&words[..pixels * size_of::<V>() / 4]);
+    let values = rect.pixels() as usize * each;
+    let rows: &[V] = bytemuck::cast_slice(&words[..values * size_of::<V>() / 4]);
     for (row, y) in rows.chunks_exact(w).zip(rect.y0..rect.y0 + rect.h) {
-        let start = y as usize * width as usize + rect.x0 as usize;
+        let start = (y as usize * width as usize + rect.x0 as usize) * each;
         image[start..start + w].copy_from_slice(row);
     }
 }

@@ -1,5 +1,6 @@
 //! GPU time of passes, by timestamp queries where the device has them.
 
+use std::borrow::Cow;
 use std::cell::Cell;
 
 use super::buffers::readable;
@@ -11,7 +12,7 @@ const MAX_PASSES: u32 = 64;
 /// Hands out timestamps for the passes of one command encoder.
 pub struct Timing {
     queries: Option<(wgpu::QuerySet, wgpu::Buffer, wgpu::Buffer)>,
-    stages: std::cell::RefCell<Vec<&'static str>>,
+    stages: std::cell::RefCell<Vec<Cow<'static, str>>>,
     used: Cell<u32>,
     period_ns: f32,
 }
@@ -37,17 +38,17 @@ impl Timing {
         Self { queries, stages: Default::default(), used: Cell::new(0), period_ns }
     }
 
-    fn next(&self, stage: &'static str) -> Option<(&wgpu::QuerySet, u32)> {
+    fn next(&self, stage: impl Into<Cow<'static, str>>) -> Option<(&wgpu::QuerySet, u32)> {
         let (set, ..) = self.queries.as_ref()?;
         let pass = self.used.get();
         (pass < MAX_PASSES).then(|| {
             self.used.set(pass + 1);
-            self.stages.borrow_mut().push(stage);
+            self.stages.borrow_mut().push(stage.into());
             (set, 2 * pass)
         })
     }
 
-    pub fn render(&self, stage: &'static str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+    pub fn render(&self, stage: impl Into<Cow<'static, str>>) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         self.next(stage).map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
             query_set,
             beginning_of_pass_write_index: Some(first),
@@ -55,7 +56,10 @@ impl Timing {
         })
     }
 
-    pub fn compute(&self, stage: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+    pub fn compute(
+        &self,
+        stage: impl Into<Cow<'static, str>>,
+    ) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         self.next(stage).map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
             query_set,
             beginning_of_pass_write_index: Some(first),
@@ -75,9 +79,9 @@ impl Timing {
     }
 
     /// Milliseconds of each timed pass.
-    pub fn read(&self, words: &[u32]) -> Vec<(&'static str, f64)> {
+    pub fn read(&self, words: &[u32]) -> Vec<(Cow<'static, str>, f64)> {
         let tick = |w: &[u32]| u64::from(w[1]) << 32 | u64::from(w[0]);
         let ms = |t: &[u32]| tick(&t[2..]).saturating_sub(tick(t)) as f64 * f64::from(self.period_ns) * 1e-6;
-        self.stages.borrow().iter().copied().zip(words.chunks_exact(4).map(ms)).collect()
+        self.stages.borrow().iter().cloned().zip(words.chunks_exact(4).map(ms)).collect()
     }
 }

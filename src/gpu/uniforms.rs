@@ -15,6 +15,10 @@ pub struct View {
     pub far: f32,
     pub z_offset: f32,
     pub z_scale: f32,
+    pub code_origin: f32,
+    pub code_scale: f32,
+    pub code_step: f32,
+    pub background_texture: u32,
 }
 
 #[repr(C)]
@@ -25,9 +29,8 @@ pub struct Band {
     pub width: u32,
     pub height: u32,
     pub capacity: u32,
-    pub background_texture: u32,
     pub trip_budget: u32,
-    pub pad: u32,
+    pub pad: [u32; 2],
 }
 
 #[repr(C)]
@@ -44,21 +47,26 @@ pub struct MeshState {
     pub alpha_cutoff: f32,
     pub is_opaque: u32,
     pub cull: u32,
-    pub pad: u32,
+    pub blend: u32,
 }
 
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct LongPixel {
     pub pixel: u32,
-    pub head: u32,
     pub first: u32,
     pub count: u32,
+    pub kept: u32,
     pub link: u32,
     pub written: u32,
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LongSample {
     pub composited: u32,
-    pub transmittance: f32,
-    pub color: [f32; 4],
+    pub pad: [u32; 3],
+    pub saved: [[f32; 4]; 2],
 }
 
 #[repr(C)]
@@ -67,7 +75,11 @@ pub struct Round {
     pub width: u32,
     pub long_count: u32,
     pub chunk_count: u32,
-    pub pad: u32,
+    pub first_pixel: u32,
+    pub by_order: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 #[cfg(test)]
@@ -75,11 +87,12 @@ mod tests {
     use std::mem::{offset_of, size_of};
 
     use super::*;
+    use crate::gpu::variant::tests::plain;
     use crate::shader::Composed;
 
     /// Size, and offset of each member, of a struct in a shader module.
-    fn wgsl(module: &str, name: &str) -> (usize, Vec<(String, usize)>) {
-        let parsed = naga::front::wgsl::parse_str(&Composed::module(module).unwrap().text).unwrap();
+    fn wgsl(composed: &Composed, name: &str) -> (usize, Vec<(String, usize)>) {
+        let parsed = naga::front::wgsl::parse_str(&composed.text).unwrap();
         let found = parsed.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
         match &found.unwrap().1.inner {
             naga::TypeInner::Struct { members, span } => (
@@ -91,7 +104,7 @@ mod tests {
     }
 
     macro_rules! same {
-        ($module:literal, $name:ident { $($member:ident),* }) => {
+        ($module:expr, $name:ident { $($member:ident),* }) => {
             let members = vec![$((stringify!($member).to_string(), offset_of!($name, $member))),*];
             assert_eq!(wgsl($module, stringify!($name)), (size_of::<$name>(), members));
         };
@@ -99,17 +112,33 @@ mod tests {
 
     #[test]
     fn structs_have_the_layout_that_the_shaders_expect() {
+        let (opaque, long) = (plain().opaque().unwrap(), plain().long().unwrap());
         same!(
-            "resolve",
-            View { rows, background, width, height, perspective, list_opaque, near, far, z_offset, z_scale }
+            &long,
+            View {
+                rows,
+                background,
+                width,
+                height,
+                perspective,
+                list_opaque,
+                near,
+                far,
+                z_offset,
+                z_scale,
+                code_origin,
+                code_scale,
+                code_step,
+                background_texture
+            }
         );
-        same!("resolve", Band { x0, y0, width, height, capacity, background_texture, trip_budget, pad });
-        same!("opaque", Batch { first_primitive, colors_per_triangle, pad });
-        same!("opaque", MeshState { alpha_cutoff, is_opaque, cull, pad });
-        same!(
-            "long",
-            LongPixel { pixel, head, first, count, link, written, composited, transmittance, color }
-        );
-        same!("long", Round { width, long_count, chunk_count, pad });
+        same!(&long, Band { x0, y0, width, height, capacity, trip_budget, pad });
+        same!(&opaque, Batch { first_primitive, colors_per_triangle, pad });
+        same!(&opaque, MeshState { alpha_cutoff, is_opaque, cull, blend });
+        same!(&long, LongPixel { pixel, first, count, kept, link, written });
+        same!(&long, Round { width, long_count, chunk_count, first_pixel, by_order, pad0, pad1, pad2 });
+        let (size, members) = wgsl(&long, "LongSample");
+        assert_eq!(size, size_of::<LongSample>());
+        assert_eq!(members[1], ("saved".to_string(), offset_of!(LongSample, saved)));
     }
 }

@@ -3,6 +3,6 @@
 
 @fragment
 @early_depth_test(force)
-fn fs_build(v: Varyings) {
-    store(v);
+fn fs_build(v: Varyings, @builtin(sample_mask) mask: u32) {
+    store(v, mask);
 }

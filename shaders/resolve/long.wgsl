@@ -1,4 +1,4 @@
-// Lists longer than the temporary array of the resolve: exact at any length, in O(n log n).
+// Lists longer than the temporary array of any class: exact at any length, in O(n log n).
 //
 // The list is copied to contiguous scratch, blocks of CHUNK entries are sorted by insertion, and then
 // merged in rounds of doubling width. In a round each invocation writes CHUNK outputs, which it finds by a
@@ -8,18 +8,20 @@
 
 struct LongPixel {
     pixel: u32,
-    // The list's first link.
-    head: u32,
     // Where the pixel's entries start in scratch, a multiple of CHUNK.
     first: u32,
+    // Fragments, and how many of them are composited.
     count: u32,
+    kept: u32,
     // State of a walk: the next link, and how many entries are written.
     link: u32,
     written: u32,
-    // State of the composite: how many entries are in it.
+}
+
+// State of the composite of one sample: how many entries are in it, and what blending keeps.
+struct LongSample {
     composited: u32,
-    transmittance: f32,
-    color: vec4f, // premultiplied
+    saved: array<vec4f, 2>,
 }
 
 const NONE = 0xffffffffu;
@@ -37,11 +39,18 @@ struct Round {
     width: u32,
     long_count: u32,
     chunk_count: u32,
-    pad: u32,
+    // Of `class_pixels`.
+    first_pixel: u32,
+    // 1: sort by primitive first, to find the last submitted.
+    by_order: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
-@group(1) @binding(5) var<uniform> round: Round;
-// As the resolve left them: a count, then pixels.
-@group(1) @binding(6) var<storage, read> long_pixels: array<u32>;
+@group(1) @binding(5) var<uniform> current: Round;
+// Those that the classes left over start at current.first_pixel.
+@group(1) @binding(6) var<storage, read> class_pixels: array<u32>;
+@group(1) @binding(7) var<storage, read_write> long_samples: array<LongSample>;
 
 // Workgroups per row of a dispatch: one dimension ends at 65,535 of them.
 fn flat_index(id: vec3u, groups: vec3u) -> u32 {
@@ -51,30 +60,30 @@ fn flat_index(id: vec3u, groups: vec3u) -> u32 {
 @compute @workgroup_size(64)
 fn cs_begin(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = flat_index(id, groups);
-    if i >= round.long_count {
+    if i >= current.long_count {
         return;
     }
-    let pixel = long_pixels[i + 1u];
-    let head = heads[pixel];
-    long[i] = LongPixel(pixel, head, 0u, 0u, head, 0u, 0u, 1.0, vec4f(0.0));
+    let pixel = class_pixels[current.first_pixel + i];
+    long[i] = LongPixel(pixel, 0u, 0u, 0u, first_of(pixel).link, 0u);
 }
 
 // Counts a list's nodes.
 @compute @workgroup_size(64)
 fn cs_count(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = flat_index(id, groups);
-    if i >= round.long_count {
+    if i >= current.long_count {
         return;
     }
-    var link = long[i].link;
+    var c = first_of(long[i].pixel);
+    c.link = long[i].link;
     var count = long[i].count;
-    for (var trips = band.trip_budget; trips > 0u && link != 0u; trips--) {
-        link = node_next[link - 1u];
+    for (var trips = band.trip_budget; trips > 0u && !is_end(c); trips--) {
+        advance(&c);
         count++;
     }
-    long[i].link = link;
+    long[i].link = c.link;
     long[i].count = count;
-    if link != 0u {
+    if !is_end(c) {
         atomicStore(&unfinished, 1u);
     }
 }
@@ -83,21 +92,24 @@ fn cs_count(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
 @compute @workgroup_size(64)
 fn cs_gather(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = flat_index(id, groups);
-    if i >= round.long_count {
+    if i >= current.long_count {
         return;
     }
     let first = long[i].first;
     let count = long[i].count;
-    var link = long[i].link;
+    var c = first_of(long[i].pixel);
     var written = long[i].written;
-    for (var trips = band.trip_budget - CHUNK; trips > 0u && link != 0u; trips--) {
-        from_entries[first + written] = link - 1u;
-        link = node_next[link - 1u];
+    if written > 0u {
+        c.link = long[i].link;
+    }
+    for (var trips = band.trip_budget - CHUNK; trips > 0u && !is_end(c); trips--) {
+        from_entries[first + written] = node_at(c);
+        advance(&c);
         written++;
     }
-    long[i].link = link;
+    long[i].link = c.link;
     long[i].written = written;
-    if link != 0u {
+    if !is_end(c) {
         atomicStore(&unfinished, 1u);
         return;
     }
@@ -107,33 +119,40 @@ fn cs_gather(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     }
 }
 
-fn order_of(entry: u32) -> vec2u {
+fn order_of_entry(entry: u32) -> vec2u {
     if entry == NONE {
         return vec2u(NONE);
     }
-    return node_order[entry];
+    let own = order_of(entry);
+    return select(own, own.yx, current.by_order == 1u);
+}
+
+// Drops what is beyond the limit, now that the last submitted come first; the rest is sorted anew.
+@compute @workgroup_size(64)
+fn cs_truncate(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let chunk = flat_index(id, groups);
+    if chunk >= current.chunk_count {
+        return;
+    }
+    let owner = chunk_owner[chunk];
+    for (var n = 0u; n < CHUNK; n++) {
+        if chunk * CHUNK + n - long[owner].first >= long[owner].kept {
+            from_entries[chunk * CHUNK + n] = NONE;
+        }
+    }
 }
 
 @compute @workgroup_size(64)
 fn cs_sort_chunks(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let chunk = flat_index(id, groups);
-    if chunk >= round.chunk_count {
+    if chunk >= current.chunk_count {
         return;
     }
-    var order: array<vec2u, CHUNK>;
-    var entries: array<u32, CHUNK>;
     for (var n = 0u; n < CHUNK; n++) {
-        let entry = from_entries[chunk * CHUNK + n];
-        let own = order_of(entry);
-        var i = n;
-        while i > 0u && in_front(own, order[i - 1u]) {
-            order[i] = order[i - 1u];
-            entries[i] = entries[i - 1u];
-            i--;
-        }
-        order[i] = own;
-        entries[i] = entry;
+        entries[n] = from_entries[chunk * CHUNK + n];
+        order[n] = order_of_entry(entries[n]);
     }
+    sort_entries(CHUNK);
     for (var n = 0u; n < CHUNK; n++) {
         from_entries[chunk * CHUNK + n] = entries[n];
     }
@@ -142,26 +161,26 @@ fn cs_sort_chunks(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgro
 @compute @workgroup_size(64)
 fn cs_merge(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let chunk = flat_index(id, groups);
-    if chunk >= round.chunk_count {
+    if chunk >= current.chunk_count {
         return;
     }
     let owner = chunk_owner[chunk];
     let first = long[owner].first;
     let padded = (long[owner].count + CHUNK - 1u) / CHUNK * CHUNK;
     let output = chunk * CHUNK - first;
-    let base = output / (2u * round.width) * (2u * round.width);
+    let base = output / (2u * current.width) * (2u * current.width);
     let left = first + base;
-    let left_count = min(round.width, padded - base);
+    let left_count = min(current.width, padded - base);
     let right = left + left_count;
-    let right_count = min(round.width, padded - base - left_count);
+    let right_count = min(current.width, padded - base - left_count);
     // How many of the outputs before this chunk come from the left run.
     let diagonal = output - base;
     var low = diagonal - min(diagonal, right_count);
     var high = min(diagonal, left_count);
     while low < high {
         let middle = (low + high) / 2u;
-        let l = order_of(from_entries[left + middle]);
-        let r = order_of(from_entries[right + diagonal - 1u - middle]);
+        let l = order_of_entry(from_entries[left + middle]);
+        let r = order_of_entry(from_entries[right + diagonal - 1u - middle]);
         if in_front(r, l) {
             high = middle;
         } else {
@@ -173,7 +192,7 @@ fn cs_merge(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
     for (var n = 0u; n < CHUNK; n++) {
         var take_left = b >= right_count;
         if !take_left && a < left_count {
-            take_left = !in_front(order_of(from_entries[right + b]), order_of(from_entries[left + a]));
+            take_left = !in_front(order_of_entry(from_entries[right + b]), order_of_entry(from_entries[left + a]));
         }
         let source = select(right + b, left + a, take_left);
         to_entries[chunk * CHUNK + n] = from_entries[source];
@@ -182,31 +201,49 @@ fn cs_merge(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
     }
 }
 
+// One invocation a sample of each pixel.
 @compute @workgroup_size(64)
 fn cs_composite(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = flat_index(id, groups);
-    if i >= round.long_count {
+    let at = flat_index(id, groups);
+    if at >= current.long_count * SAMPLES {
         return;
     }
-    let first = long[i].first;
-    let count = long[i].count;
-    var state = State(long[i].color.rgb, long[i].color.a, long[i].transmittance);
-    var k = long[i].composited;
-    for (var trips = band.trip_budget; trips > 0u && k < count; trips--) {
-        insert(&state, node_color[from_entries[first + k]]);
+    let own = long[at / SAMPLES];
+    let s = at % SAMPLES;
+    let color = behind(own.pixel, s);
+    var k = long_samples[at].composited;
+    var state = blend_begin(color);
+    if k > 0u {
+        state = blend_load(long_samples[at].saved);
+    }
+    for (var trips = band.trip_budget; trips > 0u && k < own.kept; trips--) {
+        let entry = from_entries[own.first + select(k, own.kept - 1u - k, BACK_TO_FRONT)];
         k++;
-        if is_saturated(state) {
-            k = count;
+        if (coverage_of(entry) >> s & 1u) == 1u {
+            blend_add(&state, source_of(entry));
+            if blend_done(state) {
+                k = own.kept;
+            }
         }
     }
-    if k < count {
-        long[i].color = vec4f(state.color, state.alpha);
-        long[i].transmittance = state.transmittance;
-        long[i].composited = k;
+    long_samples[at].composited = k;
+    long_samples[at].saved = blend_save(state);
+    if k < own.kept {
         atomicStore(&unfinished, 1u);
+    }
+}
+
+@compute @workgroup_size(64)
+fn cs_finish(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = flat_index(id, groups);
+    if i >= current.long_count {
         return;
     }
     let pixel = long[i].pixel;
-    image[pixel] = end(state, background_of(pixel));
-    counts[pixel] = count;
+    var colors: array<vec4f, SAMPLES>;
+    for (var s = 0u; s < SAMPLES; s++) {
+        colors[s] = blend_end(blend_load(long_samples[i * SAMPLES + s].saved), behind(pixel, s));
+    }
+    finish(pixel, &colors);
+    counts[pixel] = long[i].count;
 }

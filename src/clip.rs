@@ -17,16 +17,18 @@ pub struct Vertex<T> {
     pub color: [T; 4],
 }
 
-/// What is kept: eye depths, and |x| and |y| up to `guard` times w.
+/// What is kept: eye depths from near to far, and |x| and |y| up to `guard` times w.
 #[derive(Debug, Clone, Copy)]
 pub struct ClipVolume<T> {
     pub near: T,
     pub far: T,
     pub perspective: bool,
+    /// 1 for the viewport itself.
+    pub guard: T,
 }
 
 /// One viewport on each side: NDC from −3 to 3.
-const GUARD: f64 = 3.0;
+pub const GUARD_BAND: f64 = 3.0;
 /// Three corners and one more for each of six planes.
 pub const MAX_CORNERS: usize = 9;
 
@@ -71,7 +73,7 @@ impl<T: Real> ClipVolume<T> {
     /// Signed distance to a plane, in its own unit; kept where it is not negative.
     #[inline]
     fn distance(&self, plane: Plane, v: &Vertex<T>) -> T {
-        let guard = T::from_f64(GUARD) * v.w;
+        let guard = self.guard * v.w;
         match plane {
             Plane::Near => v.depth - self.near,
             Plane::Far => self.far - v.depth,
@@ -106,7 +108,7 @@ impl<T: Real> ClipVolume<T> {
         // A cut on one plane may miss another by the rounding of its ends, which next to the eye is more
         // than w itself: without this, snapped coordinates could leave their range.
         for v in &mut polygon.corners[..polygon.len] {
-            let guard = T::from_f64(GUARD) * v.w;
+            let guard = self.guard * v.w;
             (v.x, v.y) = (v.x.clamped(-guard, guard), v.y.clamped(-guard, guard));
         }
         polygon
@@ -149,7 +151,7 @@ impl<T: Real> ClipVolume<T> {
         if self.perspective {
             v.w = v.depth;
         }
-        let guard = T::from_f64(GUARD) * v.w;
+        let guard = self.guard * v.w;
         match plane {
             Plane::Left => v.x = -guard,
             Plane::Right => v.x = guard,
@@ -170,7 +172,7 @@ mod tests {
     }
 
     const VOLUME: ClipVolume<f32> =
-        ClipVolume { near: 1.0 / (1u64 << 60) as f32, far: f32::INFINITY, perspective: true };
+        ClipVolume { near: 1.0 / (1u64 << 60) as f32, far: f32::INFINITY, perspective: true, guard: 3.0 };
 
     #[test]
     fn a_cut_has_the_same_bits_from_both_sides_of_a_shared_edge() {

@@ -1,0 +1,85 @@
+//! What shows where nothing is listed: outside the rectangle of all geometry, and behind the lists.
+
+use rayon::prelude::*;
+
+use super::buffers::{bind, readable, storage};
+use super::passes::Frame;
+use super::pool::{Budget, Pool, Rect};
+use super::targets::place;
+use super::timing::Timing;
+use crate::error::Result;
+use crate::fragments::Background;
+use crate::frame::{BlendOrder, Output, Request, allocate};
+use crate::resolve::{Fragment, Resolve};
+use crate::threads::threads;
+
+/// Writes the image and counts outside `rect`, where there is no geometry at all.
+pub fn fill_outside(
+    output: &mut Output<f32>,
+    request: &Request,
+    background: &Background<f32>,
+    rect: Option<Rect>,
+) -> Result<()> {
+    let (width, each) = (request.width as usize, request.image_samples());
+    // As the shaders resolve an empty list.
+    let resolve = Resolve {
+        samples: request.samples,
+        msaa: request.msaa_resolve,
+        mixes: false,
+        order: BlendOrder::FrontToBack,
+    };
+    let none = |_| Fragment { color: [0.0; 4], mode: 0, coverage: 0 };
+    let inside = |x: usize, y: usize| {
+        rect.is_some_and(|r| {
+            (r.x0..r.x0 + r.w).contains(&(x as u32)) && (r.y0..r.y0 + r.h).contains(&(y as u32))
+        })
+    };
+    threads()?.install(|| {
+        output.image.par_chunks_mut(width * each).enumerate().for_each(|(y, row)| {
+            for (x, colors) in row.chunks_exact_mut(each).enumerate().filter(|(x, _)| !inside(*x, y)) {
+                let behind = background.at(y * width + x);
+                resolve.pixel(0, none, |_| behind, |s, rgba| colors[s] = rgba);
+            }
+        });
+    });
+    if let Some(counts) = &mut output.counts {
+        for (y, row) in counts.chunks_exact_mut(width).enumerate() {
+            row.iter_mut().enumerate().filter(|(x, _)| !inside(*x, y)).for_each(|(_, n)| *n = 0);
+        }
+    }
+    Ok(())
+}
+
+/// The straight colours behind all lists, opaque surfaces included, one a sample.
+pub fn read(frame: &Frame, budget: &Budget, request: &Request) -> Result<Vec<[f32; 4]>> {
+    let (gpu, samples) = (frame.gpu, request.samples as usize);
+    let pipeline = frame.pipelines.background(gpu)?;
+    let mut all = allocate("background", request.pixels() * samples, [f32::NAN; 4])?;
+    let whole = Rect { x0: 0, y0: 0, w: request.width, h: request.height };
+    for rect in whole.parts((budget.pixels / samples as u64).max(1)) {
+        let bytes = 16 * rect.pixels() * samples as u64;
+        let result = readable(gpu, "background", bytes);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        gpu.checked("reading the background", || {
+            // The stage reads no list.
+            let pool = Pool::new(gpu, &frame.pipelines.variant, 1, 1)?;
+            let colors = storage(gpu, "background", bytes);
+            let read_group = frame.read_group(&pool, &frame.band(&pool, rect));
+            let layout = &frame.pipelines.layouts.background;
+            let group = bind(gpu, "background", layout, &[(&colors).into()]);
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &read_group, &[]);
+            pass.set_bind_group(1, &group, &[]);
+            pass.dispatch_workgroups(rect.w.div_ceil(16), rect.h.div_ceil(16), 1);
+            drop(pass);
+            encoder.copy_buffer_to_buffer(&colors, 0, &result, 0, bytes);
+            Ok(())
+        })?;
+        let timing = Timing::new(gpu);
+        let mut unused = Default::default();
+        let words = frame.submit(encoder, &timing, &[&result], &mut unused)?;
+        place(&words[0], &mut all, request.width, rect, samples);
+    }
+    Ok(all)
+}

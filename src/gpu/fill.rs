@@ -1,0 +1,152 @@
+//! Filling the lists of one rectangle, in either storage, and resolving them.
+
+use super::buffers::{bind, readable};
+use super::passes::Frame;
+use super::pool::{Budget, Pool, Rect, image_samples};
+use super::resolve::{Outcome, encode_resolve, finish_resolve};
+use super::scan;
+use super::targets::place;
+use super::timing::Timing;
+use super::variant::BuildStage;
+use crate::error::{Error, Result};
+use crate::frame::{Output, Storage};
+
+/// What became of a rectangle.
+pub enum Filled {
+    /// Its part of the image is written.
+    Done { nodes: u64, outcome: Outcome },
+    /// It needs more nodes than the pool has, or may have.
+    Overflow { nodes: u64 },
+}
+
+impl Frame<'_> {
+    /// Fills and resolves the lists of a rectangle.
+    pub fn fill_and_resolve(
+        &self,
+        pool: &mut Pool,
+        budget: &Budget,
+        rect: Rect,
+        output: &mut Output<f32>,
+    ) -> Result<Filled> {
+        match self.pipelines.variant.storage {
+            Storage::Linked => self.link(pool, rect, output),
+            Storage::Contiguous => self.scatter(pool, budget, rect, output),
+        }
+    }
+
+    /// One pass: nodes are handed out by a counter and linked.
+    fn link(&self, pool: &Pool, rect: Rect, output: &mut Output<f32>) -> Result<Filled> {
+        let timing = Timing::new(self.gpu);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let band = self.band(pool, rect);
+        self.gpu.checked("building the lists", || {
+            // Cleared here, at the start, never by the resolve: a frame must not depend on the one before it.
+            encoder.clear_buffer(&pool.heads, 0, Some(4 * rect.pixels()));
+            encoder.clear_buffer(&pool.counter, 0, None);
+            let group = bind(
+                self.gpu,
+                "link",
+                &self.pipelines.layouts.link,
+                &[(&band).into(), (&pool.heads).into(), (&pool.nodes).into(), (&pool.counter).into()],
+            );
+            self.encode_build(&mut encoder, BuildStage::Link, &group, rect, &timing)
+        })?;
+        self.resolve(encoder, &timing, pool, &band, rect, output)
+    }
+
+    /// Two passes: counted, then scanned, then scattered to where each list has exactly its room.
+    fn scatter(
+        &self,
+        pool: &mut Pool,
+        budget: &Budget,
+        rect: Rect,
+        output: &mut Output<f32>,
+    ) -> Result<Filled> {
+        let timing = Timing::new(self.gpu);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let band = self.band(pool, rect);
+        let total = readable(self.gpu, "total", 8);
+        self.gpu.checked("counting fragments", || {
+            encoder.clear_buffer(&pool.counter, 0, None);
+            self.encode_count(&mut encoder, &pool.heads, &band, rect, &timing)?;
+            // One more than pixels: where the last list ends.
+            scan::encode(self, &mut encoder, &pool.heads, rect.pixels() as u32 + 1, &pool.counter, &timing)?;
+            encoder.copy_buffer_to_buffer(&pool.heads, 0, &pool.cursors, 0, 4 * rect.pixels());
+            encoder.copy_buffer_to_buffer(&pool.counter, 0, &total, 0, 8);
+            Ok(())
+        })?;
+        let words = self.submit(encoder, &timing, &[&total], &mut output.stats)?.remove(0);
+        let nodes = u64::from(words[1]) << 32 | u64::from(words[0]);
+        if nodes > budget.nodes {
+            return Ok(Filled::Overflow { nodes });
+        }
+        pool.grow(self.gpu, nodes)?;
+        let timing = Timing::new(self.gpu);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let band = self.band(pool, rect);
+        self.gpu.checked("scattering fragments", || {
+            let group = bind(
+                self.gpu,
+                "scatter",
+                &self.pipelines.layouts.scatter,
+                &[(&band).into(), (&pool.cursors).into(), (&pool.nodes).into()],
+            );
+            self.encode_build(&mut encoder, BuildStage::Scatter, &group, rect, &timing)
+        })?;
+        self.resolve(encoder, &timing, pool, &band, rect, output)
+    }
+
+    /// Resolves what `encoder` fills, and places the results in the image.
+    fn resolve(
+        &self,
+        mut encoder: wgpu::CommandEncoder,
+        timing: &Timing,
+        pool: &Pool,
+        band: &wgpu::Buffer,
+        rect: Rect,
+        output: &mut Output<f32>,
+    ) -> Result<Filled> {
+        let (gpu, variant) = (self.gpu, &self.pipelines.variant);
+        let each = image_samples(variant);
+        let image = readable(gpu, "image", 16 * each * rect.pixels());
+        let counts = output.counts.is_some().then(|| readable(gpu, "counts", 4 * rect.pixels()));
+        let counter = readable(gpu, "counter", 8);
+        let classes = readable(gpu, "classes", pool.classes.size());
+        let read_group = self.read_group(pool, band);
+        let copy_results = |encoder: &mut wgpu::CommandEncoder| {
+            encoder.copy_buffer_to_buffer(&pool.image, 0, &image, 0, 16 * each * rect.pixels());
+            if let Some(counts) = &counts {
+                encoder.copy_buffer_to_buffer(&pool.counts, 0, counts, 0, 4 * rect.pixels());
+            }
+        };
+        gpu.checked("resolving the lists", || {
+            encode_resolve(self, &mut encoder, pool, &read_group, rect, timing)?;
+            encoder.copy_buffer_to_buffer(&pool.counter, 0, &counter, 0, 8);
+            encoder.copy_buffer_to_buffer(&pool.classes, 0, &classes, 0, pool.classes.size());
+            copy_results(&mut encoder);
+            Ok(())
+        })?;
+        let results = [&image].into_iter().chain(&counts);
+        let buffers: Vec<&wgpu::Buffer> = [&counter, &classes].into_iter().chain(results.clone()).collect();
+        let mut words = self.submit(encoder, timing, &buffers, &mut output.stats)?;
+        let [low, high, ..] = *words[0].as_slice() else {
+            return Err(Error::Device("the counter was not read back".into()));
+        };
+        let nodes = u64::from(high) << 32 | u64::from(low);
+        if nodes > pool.capacity {
+            return Ok(Filled::Overflow { nodes });
+        }
+        let outcome = finish_resolve(self, pool, &read_group, &words[1], &mut output.stats)?;
+        if outcome.had_long_lists {
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            copy_results(&mut encoder);
+            words.truncate(2);
+            words.extend(gpu.submit_and_read(encoder, &results.collect::<Vec<_>>())?);
+        }
+        place(&words[2], &mut output.image, self.width, rect, each as usize);
+        if let (Some(all), Some(counted)) = (&mut output.counts, words.get(3)) {
+            place(counted, all, self.width, rect, 1);
+        }
+        Ok(Filled::Done { nodes, outcome })
+    }
+}

@@ -1,0 +1,169 @@
+//! What a render is specialised for, and why, in words: a scene that does not need a thing pays neither bits nor
+//! passes for it.
+
+use super::device::Gpu;
+use super::pool::Rect;
+use super::resolve::{Outcome, TILE, class_name};
+use super::variant::Variant;
+use crate::error::{Error, Result};
+use crate::frame::{BlendOrder, LimitPolicy, Lists, Request, Stats, Storage};
+use crate::node_format::{NodeFormat, NodeLayout};
+use crate::scene::Scene;
+use crate::shader::user_blend;
+
+/// Checks what the device can do, and chooses the rest.
+pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
+    let name = &gpu.adapter.name;
+    let limit = gpu.limits.max_texture_dimension_2d;
+    if request.width.max(request.height) > limit {
+        return Err(Error::Unsupported(format!(
+            "{name} renders up to {limit} pixels a side, got {}×{}; device=\"cpu\" renders up to 16384",
+            request.width, request.height
+        )));
+    }
+    if !gpu.adapter.samples.contains(&request.samples) {
+        return Err(Error::Unsupported(format!(
+            "{name} has no {} samples a pixel: it has {:?}; device=\"cpu\" has 1, 2, 4, 8 and 16",
+            request.samples, gpu.adapter.samples
+        )));
+    }
+    let options = &request.lists_on_gpu;
+    let hides = scene.has_opaque() && request.lists != Lists::All;
+    if options.fullscreen && hides && !gpu.has(wgpu::Features::DEPTH32FLOAT_STENCIL8) {
+        return Err(Error::Unsupported(format!(
+            "{name} lacks the feature DEPTH32FLOAT_STENCIL8, which resolve=\"fragment\" needs beside opaque \
+             geometry: give resolve=\"compute\""
+        )));
+    }
+    let blends = options.blends.iter().enumerate();
+    let blends = blends.map(|(i, text)| user_blend(i, "blend", text)).collect::<Result<Vec<_>>>()?;
+    let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
+    let wants_order = wants_lists || matches!(request.limit, Some((_, LimitPolicy::LastSubmitted)));
+    let layout = NodeLayout::new(options.format, request.samples, scene.mixes_modes(), wants_order);
+    let triangles = scene.triangle_count();
+    if triangles > layout.most_triangles() {
+        return Err(Error::Unsupported(format!(
+            "{triangles} triangles given; with blend modes beside them nodes number up to {}",
+            layout.most_triangles()
+        )));
+    }
+    Ok(Variant {
+        storage: options.storage,
+        layout,
+        hides,
+        msaa: request.msaa_resolve,
+        sort: request.sort,
+        limit: request.limit,
+        order: request.blend_order,
+        classes: options.classes.clone(),
+        fullscreen: options.fullscreen,
+        blends: blends.into(),
+        early: gpu.has(wgpu::Features::SHADER_EARLY_DEPTH_TEST),
+        subgroups: gpu.has(wgpu::Features::SUBGROUP),
+    })
+}
+
+/// What is known before anything is drawn.
+pub fn describe(variant: &Variant, request: &Request, stats: &mut Stats) {
+    let layout = &variant.layout;
+    let samples = request.samples;
+    stats.choose(
+        "samples",
+        samples.to_string(),
+        match (samples, layout.has_coverage) {
+            (1, _) => "no coverage bits",
+            (_, true) => "a word of coverage in each node",
+            (_, false) => "coverage in the spare bits of depth",
+        },
+    );
+    stats.choose(
+        "blend",
+        if layout.mixed { "mixed" } else { "all over" },
+        match (layout.mixed, layout.has_order) {
+            (false, _) => "no mode ids",
+            (true, true) => "mode ids beside the primitive",
+            (true, false) => "mode ids in the spare bits of depth",
+        },
+    );
+    let (direction, why) = match (variant.blends.is_empty(), request.blend_order) {
+        (false, _) => ("back to front", "a blend of your own is no affine map"),
+        (true, BlendOrder::BackToFront) => ("back to front", "as asked"),
+        (true, BlendOrder::FrontToBack) => {
+            ("front to back", "every mode is an affine map, and may stop early")
+        }
+    };
+    stats.choose("direction", direction, why);
+    let bytes = layout.bytes();
+    let holds = match (layout.format, layout.has_order) {
+        (NodeFormat::Float32, _) => "nothing is lost",
+        (_, true) => "with the primitive, for lists, limits or modes",
+        (_, false) => "no primitive: fragments at one depth code go by colour",
+    };
+    stats.choose("node format", format!("{}, {bytes} bytes", layout.format.name()), holds);
+    let storage = match variant.storage {
+        Storage::Contiguous => ("contiguous", "counted, scanned, scattered: the pool is exact"),
+        Storage::Linked if variant.subgroups => ("linked", "one atomic addition a subgroup hands out nodes"),
+        Storage::Linked => ("linked", "one atomic addition a fragment hands out nodes"),
+    };
+    stats.choose("lists", storage.0, storage.1);
+    let opaque = match (variant.hides, samples, variant.early) {
+        (false, ..) => ("none", "no depth target, no depth test"),
+        (true, 1, true) => ("depth test", "forced before the shader"),
+        (true, 1, false) => ("compared", "in the shader: the device cannot force an early test"),
+        (true, ..) => ("compared", "in the shader, for each sample"),
+    };
+    stats.choose("opaque geometry", opaque.0, opaque.1);
+    let resolve = if variant.fullscreen {
+        ("full-screen passes", "as asked; a stencil keeps empty pixels away")
+    } else {
+        ("dispatches", "indirect, a pipeline for each class of list lengths")
+    };
+    stats.choose("resolve", resolve.0, resolve.1);
+}
+
+/// Where there is anything to do.
+pub fn describe_rect(rect: Option<Rect>, request: &Request, stats: &mut Stats) {
+    let (choice, why) = match rect {
+        None => ("none".into(), "nothing is in view: background alone"),
+        Some(r) if (r.w, r.h) == (request.width, request.height) => {
+            (format!("0..{} × 0..{}", r.w, r.h), "the whole image")
+        }
+        Some(r) => (
+            format!("{}..{} × {}..{}", r.x0, r.x0 + r.w, r.y0, r.y0 + r.h),
+            "where geometry lands; elsewhere is background",
+        ),
+    };
+    stats.choose("rectangle", choice, why);
+}
+
+/// What was found.
+pub fn describe_outcome(
+    variant: &Variant,
+    request: &Request,
+    outcome: &Outcome,
+    tiles: u64,
+    stats: &mut Stats,
+) {
+    let whole = u64::from(request.width.div_ceil(TILE)) * u64::from(request.height.div_ceil(TILE));
+    // Bands may cut tiles: then their parts are counted.
+    let tiles = if stats.bands == 1 { whole } else { whole.max(tiles) };
+    stats.choose(
+        "tiles",
+        format!("{} of {tiles} hold translucent geometry", outcome.filled_tiles),
+        format!("{TILE}×{TILE} pixels each; empty pixels are not resolved"),
+    );
+    let used: Vec<_> = (outcome.totals.iter().enumerate())
+        .filter(|(_, pixels)| **pixels > 0)
+        .map(|(class, _)| class_name(variant, class))
+        .collect();
+    let longest = format!("longest list {}", outcome.longest);
+    stats.choose("resolve classes", if used.is_empty() { "none".into() } else { used.join(", ") }, longest);
+    if let Some((n, policy)) = request.limit {
+        let kept = match policy {
+            LimitPolicy::Nearest => "the nearest",
+            LimitPolicy::LastSubmitted => "the last submitted",
+        };
+        let ignored = format!("{} fragments beyond that are ignored", outcome.dropped);
+        stats.choose("limit", format!("{kept} {n} of a pixel"), ignored);
+    }
+}

@@ -1,0 +1,339 @@
+//! What pipelines are specialised for, and the shader text that follows: constants before files, so that a scene
+//! that does not need a thing does not pay for it.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use super::pipelines::DEPTH_FORMAT;
+use crate::error::Result;
+use crate::frame::{BlendOrder, LimitPolicy, MsaaResolve, Sort, Storage};
+use crate::node_format::NodeLayout;
+use crate::samples::{full, pattern};
+use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Variant {
+    pub storage: Storage,
+    pub layout: NodeLayout,
+    /// Opaque geometry hides what is behind it.
+    pub hides: bool,
+    pub msaa: MsaaResolve,
+    pub sort: Sort,
+    pub limit: Option<(u32, LimitPolicy)>,
+    pub order: BlendOrder,
+    /// The longest list of each class.
+    pub classes: Vec<u32>,
+    /// The resolve is a full-screen pass behind a stencil.
+    pub fullscreen: bool,
+    /// A user's blend functions, ids 5 and on.
+    pub blends: Arc<[String]>,
+    /// Device features: forced early depth tests, and subgroup operations.
+    pub early: bool,
+    pub subgroups: bool,
+}
+
+impl Variant {
+    pub fn per_sample(&self) -> bool {
+        self.layout.samples > 1 && self.msaa == MsaaResolve::PerSample
+    }
+
+    /// Invocations of a resolve for each of its pixels.
+    pub fn invocations_per_pixel(&self) -> u32 {
+        if self.per_sample() { self.layout.samples } else { 1 }
+    }
+
+    pub fn longest_class(&self) -> u32 {
+        self.classes.last().copied().unwrap_or(0)
+    }
+
+    /// The opaque depth is read by the build's shader, not tested by hardware.
+    pub fn compares_depth(&self) -> bool {
+        self.hides && (self.layout.samples > 1 || !self.early)
+    }
+
+    /// Of the target that translucent geometry is tested against, and counted in for a stencil.
+    pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
+        match (self.hides, self.fullscreen) {
+            (false, false) => None,
+            (false, true) => Some(wgpu::TextureFormat::Stencil8),
+            (true, false) => Some(DEPTH_FORMAT),
+            (true, true) => Some(wgpu::TextureFormat::Depth32FloatStencil8),
+        }
+    }
+
+    pub fn back_to_front(&self) -> bool {
+        self.order == BlendOrder::BackToFront || !self.blends.is_empty()
+    }
+
+    /// `temp`: entries of the temporary array. `class`: which class's, where it is one.
+    fn prelude(&self, temp: u32, class: usize) -> String {
+        let layout = &self.layout;
+        let samples = layout.samples;
+        let mut text = String::new();
+        let mut constant = |name: &str, value: String| {
+            // Writing to a String cannot fail.
+            let _ = writeln!(text, "const {name} = {value};");
+        };
+        let unsigned = |value: u32| format!("{value}u");
+        constant("SAMPLES", unsigned(samples));
+        constant("FULL_MASK", unsigned(full(samples)));
+        let positions: Vec<_> = pattern(samples)
+            .iter()
+            .map(|&(x, y)| format!("vec2f({:?}, {:?})", x as f32 / 16.0, y as f32 / 16.0))
+            .collect();
+        constant("PATTERN", format!("array<vec2f, {samples}>({})", positions.join(", ")));
+        constant("MIXED", layout.mixed.to_string());
+        constant("HAS_ORDER", layout.has_order.to_string());
+        constant("HAS_COVERAGE", layout.has_coverage.to_string());
+        constant("BASE_WORDS", unsigned(layout.format.base_words()));
+        constant("NODE_WORDS", unsigned(layout.words()));
+        constant("ORDER_WORD", unsigned(layout.order_word()));
+        constant("COVERAGE_WORD", unsigned(layout.coverage_word()));
+        constant("HIDES", self.hides.to_string());
+        constant("USER_BLENDS", (!self.blends.is_empty()).to_string());
+        constant("BACK_TO_FRONT", self.back_to_front().to_string());
+        constant("PER_SAMPLE", self.per_sample().to_string());
+        constant("INVOCATIONS_PER_PIXEL", unsigned(self.invocations_per_pixel()));
+        for (i, name) in ["MSAA_MEAN", "MSAA_HDR", "MSAA_NONE"].into_iter().enumerate() {
+            constant(name, unsigned(i as u32));
+        }
+        let msaa = match self.msaa {
+            MsaaResolve::PerSample | MsaaResolve::PerPixel => 0,
+            MsaaResolve::Hdr => 1,
+            MsaaResolve::None => 2,
+        };
+        constant("MSAA_RESOLVE", unsigned(msaa));
+        let count = self.classes.len() as u32;
+        constant("CLASS_COUNT", unsigned(count));
+        constant("CLASS_SLOTS", unsigned(count + 1));
+        let bounds: Vec<_> = self.classes.iter().map(|&n| unsigned(n)).collect();
+        constant("CLASS_BOUNDS", format!("array<u32, {count}>({})", bounds.join(", ")));
+        constant("LONGEST_CLASS", unsigned(self.longest_class()));
+        constant("CLASS", unsigned(class as u32));
+        constant("CLASS_ABOVE", unsigned(if class == 0 { 0 } else { self.classes[class - 1] }));
+        constant("TEMP", unsigned(temp));
+        constant("CHUNK", unsigned(CHUNK));
+        constant("SCAN_BLOCK", unsigned(SCAN_BLOCK));
+        constant("LIMIT", unsigned(self.limit.map_or(0, |(n, _)| n)));
+        let last = matches!(self.limit, Some((_, LimitPolicy::LastSubmitted)));
+        constant("LIMIT_LAST", last.to_string());
+        text
+    }
+
+    fn nodes(&self) -> [&'static str; 2] {
+        use crate::node_format::NodeFormat::*;
+        let format = match self.layout.format {
+            Float32 => "nodes/float32",
+            Rgba8Depth32 => "nodes/rgba8_depth32",
+            Rgba8Depth24Coverage8 => "nodes/rgba8_depth24_coverage8",
+            Rgb565Depth16 => "nodes/rgb565_depth16",
+            Rgb9e5Alpha8Depth24 => "nodes/rgb9e5_alpha8_depth24",
+        };
+        ["nodes/common", format]
+    }
+
+    fn varyings(&self) -> &'static str {
+        if self.layout.samples > 1 { "varyings_samples" } else { "varyings" }
+    }
+
+    pub fn opaque(&self) -> Result<Composed> {
+        let stage = if self.layout.samples > 1 { "opaque_samples" } else { "opaque" };
+        Composed::new(self.prelude(1, 0), &["common", "raster", self.varyings(), stage])
+    }
+
+    /// A pass over the translucent geometry.
+    pub fn build(&self, stage: BuildStage) -> Result<Composed> {
+        let fragment = match (self.hides, self.layout.samples, self.early) {
+            (false, ..) => "build/fragment",
+            (true, 1, true) => "build/fragment_early",
+            (true, 1, false) => "build/fragment_compare",
+            (true, ..) => "build/fragment_samples",
+        };
+        let mut files = vec!["common", "raster", self.varyings(), "build/common", fragment];
+        files.extend(self.nodes());
+        match stage {
+            BuildStage::Count => files.extend(["build/count", "build/read_none"]),
+            BuildStage::Scatter => files.extend(["build/scatter", "build/write"]),
+            BuildStage::Link => {
+                let counter = if self.subgroups { "build/counter_subgroup" } else { "build/counter" };
+                files.extend(["build/linked", "build/write", counter]);
+            }
+        }
+        Composed::new(self.prelude(1, 0), &files)
+    }
+
+    /// The stages that read lists have these files in common.
+    fn reading(&self, temp: u32, class: usize, own: &[&'static str]) -> Result<Composed> {
+        let mut files = vec!["common", "resolve/read"];
+        files.extend(self.nodes());
+        files.push(match self.storage {
+            Storage::Linked => "lists/linked",
+            Storage::Contiguous => "lists/contiguous",
+        });
+        files.push(if self.layout.samples > 1 { "resolve/opaque_samples" } else { "resolve/opaque" });
+        if self.back_to_front() {
+            files.extend(["blend/affine", "blend/back_to_front"]);
+        } else if self.layout.mixed {
+            files.extend(["blend/affine", "blend/front_to_back"]);
+        } else {
+            files.extend(["methods/exact", "blend/over"]);
+        }
+        files.extend(own);
+        let mut composed = Composed::new(self.prelude(temp, class), &files)?;
+        if self.back_to_front() {
+            composed.push_blends(&self.blends);
+        }
+        Ok(composed)
+    }
+
+    pub fn classify(&self) -> Result<Composed> {
+        self.reading(1, 0, &["resolve/classify"])
+    }
+
+    pub fn average(&self) -> Result<Composed> {
+        self.reading(1, 0, &["resolve/average"])
+    }
+
+    pub fn background(&self) -> Result<Composed> {
+        self.reading(1, 0, &["resolve/background"])
+    }
+
+    pub fn class(&self, class: usize) -> Result<Composed> {
+        let temp = self.classes[class];
+        let mut own = vec!["sort/arrays", self.sort_file(temp), "resolve/class"];
+        if self.fullscreen {
+            own.push("resolve/fullscreen");
+        }
+        self.reading(temp, class, &own)
+    }
+
+    pub fn long(&self) -> Result<Composed> {
+        self.reading(CHUNK, 0, &["sort/arrays", self.sort_file(CHUNK), "resolve/long"])
+    }
+
+    pub fn scan(&self) -> Result<Composed> {
+        Composed::new(self.prelude(1, 0), &["scan"])
+    }
+
+    fn sort_file(&self, _temp: u32) -> &'static str {
+        match self.sort {
+            Sort::Auto | Sort::Insertion => "sort/insertion",
+            Sort::Selection => "sort/selection",
+            Sort::Bitonic => "sort/bitonic",
+            Sort::Merge => "sort/merge",
+            Sort::Heap => "sort/heap",
+        }
+    }
+}
+
+/// What a pass over the translucent geometry does with fragments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BuildStage {
+    Link,
+    Count,
+    Scatter,
+}
+
+#[cfg(test)]
+pub mod tests {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    use super::*;
+    use crate::node_format::NodeFormat;
+
+    pub fn plain() -> Variant {
+        Variant {
+            storage: Storage::Linked,
+            layout: NodeLayout::new(NodeFormat::Float32, 1, false, false),
+            hides: false,
+            msaa: MsaaResolve::PerPixel,
+            sort: Sort::Auto,
+            limit: None,
+            order: BlendOrder::FrontToBack,
+            classes: vec![1, 4, 8, 16, 32],
+            fullscreen: false,
+            blends: Arc::new([]),
+            early: true,
+            subgroups: false,
+        }
+    }
+
+    fn validate(name: &str, composed: &Composed) {
+        let text = &composed.text;
+        let module = naga::front::wgsl::parse_str(text)
+            .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
+        let needs = Capabilities::EARLY_DEPTH_TEST
+            | Capabilities::MULTISAMPLED_SHADING
+            | Capabilities::SUBGROUP
+            | Capabilities::SUBGROUP_BARRIER;
+        let mut validator = Validator::new(ValidationFlags::all(), needs);
+        validator
+            .subgroup_stages(naga::valid::ShaderStages::all())
+            .subgroup_operations(naga::valid::SubgroupOperationSet::all());
+        validator.validate(&module).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
+    }
+
+    /// One of each choice, most of them together at least once.
+    fn variants() -> Vec<Variant> {
+        let mut all = vec![plain()];
+        for format in NodeFormat::ALL {
+            for samples in [1, 4, 8, 16] {
+                for mixed in [false, true] {
+                    let layout = NodeLayout::new(format, samples, mixed, samples == 8);
+                    all.push(Variant { layout, hides: mixed, subgroups: samples == 1, ..plain() });
+                }
+            }
+        }
+        for sort in [Sort::Insertion, Sort::Selection, Sort::Bitonic, Sort::Merge, Sort::Heap] {
+            all.push(Variant { sort, storage: Storage::Contiguous, early: false, hides: true, ..plain() });
+        }
+        let many = NodeLayout::new(NodeFormat::Float32, 4, true, false);
+        for msaa in [MsaaResolve::PerSample, MsaaResolve::Hdr, MsaaResolve::None] {
+            let order = BlendOrder::BackToFront;
+            all.push(Variant { msaa, order, layout: many, fullscreen: true, ..plain() });
+        }
+        for policy in [LimitPolicy::Nearest, LimitPolicy::LastSubmitted] {
+            all.push(Variant { limit: Some((18, policy)), layout: many, ..plain() });
+        }
+        let blends = Arc::new(["return dst + src.rgb * depth;".to_string(), "dst * src.rgb".to_string()]);
+        let checked = |(i, b): (usize, &String)| crate::shader::user_blend(i, "blend", b).unwrap();
+        let blends = blends.iter().enumerate().map(checked).collect();
+        all.push(Variant { blends, layout: NodeLayout::new(NodeFormat::Float32, 1, true, false), ..plain() });
+        all
+    }
+
+    #[test]
+    fn every_module_of_every_variant_is_valid() {
+        for v in variants() {
+            let modules = [
+                v.opaque(),
+                v.build(BuildStage::Link),
+                v.build(BuildStage::Count),
+                v.build(BuildStage::Scatter),
+                v.classify(),
+                v.class(1),
+                v.average(),
+                v.background(),
+                v.long(),
+                v.scan(),
+            ];
+            for (i, module) in modules.into_iter().enumerate() {
+                validate(&format!("module {i} of {v:?}"), &module.unwrap());
+            }
+        }
+    }
+
+    #[test]
+    fn every_shader_file_is_in_some_module() {
+        let mut used = Vec::new();
+        for v in variants() {
+            let built = [BuildStage::Link, BuildStage::Count, BuildStage::Scatter].map(|s| v.build(s));
+            let read =
+                [v.opaque(), v.classify(), v.class(0), v.average(), v.background(), v.long(), v.scan()];
+            used.extend(built.into_iter().chain(read).flat_map(|m| m.unwrap().files()));
+        }
+        for (name, _) in crate::shader::SOURCES {
+            assert!(used.contains(&format!("{name}.wgsl")), "{name} is in no module");
+        }
+    }
+}
