@@ -13,12 +13,8 @@ struct Opaque {
 
 @fragment
 fn fs_opaque(v: Varyings, @builtin(sample_index) sample: u32) -> Opaque {
-    // Shading samples apart, the hardware's mask has one bit: the others are found again.
-    var mask = 1u << sample;
-    for (var s = 0u; s < SAMPLES; s++) {
-        mask |= u32(covers(v, sample_position(v, s))) << s;
-    }
-    let shaded = shade(v, location(v, mask));
+    // Shading samples apart, the hardware's mask has one bit; `location` finds the others.
+    let shaded = shade(v, location(v, 1u << sample));
     let value = value_at(v, sample_position(v, sample));
     if beyond_depth_range(value) || is_cut_out(v, shaded.color) {
         discard;

@@ -26,6 +26,6 @@ fn location(v: Varyings, mask: u32) -> vec2f {
     return v.position.xy;
 }
 
-fn within_depth_range(v: Varyings, mask: u32, value: f32) -> u32 {
-    return select(mask, 0u, beyond_depth_range(value));
+fn within_depth_range(v: Varyings, mask: u32) -> u32 {
+    return select(mask, 0u, beyond_depth_range(value_at(v, v.position.xy)));
 }

@@ -39,24 +39,38 @@ fn sample_position(v: Varyings, s: u32) -> vec2f {
     return center(v) + offsets[s];
 }
 
-// Whether the triangle covers a point: no barycentric coordinate (over w) is negative.
+// Whether the triangle covers a point: no barycentric coordinate (over w) is negative, and the point lies between
+// near and far.
 fn covers(v: Varyings, at: vec2f) -> bool {
     let d = at - v.anchor_range.xy;
     let b = v.inside_anchor.x + dot(v.inside_slopes.xy, d);
     let c = v.inside_anchor.y + dot(v.inside_slopes.zw, d);
-    let all = select(1.0, v.key_plane.x + dot(v.key_plane.yz, d), view.perspective == 1u);
-    return min(min(b, c), all - b - c) >= 0.0;
+    let value = v.key_plane.x + dot(v.key_plane.yz, d);
+    let perspective = view.perspective == 1u;
+    let all = select(1.0, value, perspective);
+    // The hardware clips at near under a perspective.
+    let behind_near = perspective && value * view.near > 1.0;
+    return min(min(b, c), all - b - c) >= 0.0 && !behind_near && !beyond_depth_range(value);
 }
 
-// The centre if the triangle covers it, else the lowest covered sample.
+// The centre if the triangle covers it, else the lowest covered sample. The pieces that clipping cuts a triangle
+// into may meet inside a pixel: what the whole triangle covers decides, so that they get the same depth and colour.
 fn location(v: Varyings, mask: u32) -> vec2f {
     if mask == FULL_MASK || covers(v, center(v)) {
         return center(v);
     }
-    return sample_position(v, min(firstTrailingBit(mask), SAMPLES - 1u));
+    return sample_position(v, min(firstTrailingBit(whole_mask(v) | mask), SAMPLES - 1u));
 }
 
-fn within_depth_range(v: Varyings, mask: u32, value: f32) -> u32 {
+fn whole_mask(v: Varyings) -> u32 {
+    var mask = 0u;
+    for (var s = 0u; s < SAMPLES; s++) {
+        mask |= u32(covers(v, sample_position(v, s))) << s;
+    }
+    return mask;
+}
+
+fn within_depth_range(v: Varyings, mask: u32) -> u32 {
     var kept = mask;
     for (var s = 0u; s < SAMPLES; s++) {
         if beyond_depth_range(value_at(v, sample_position(v, s))) {

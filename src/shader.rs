@@ -48,6 +48,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "resolve/read",
     "resolve/opaque",
     "resolve/opaque_samples",
+    "resolve/classes",
     "resolve/classify",
     "resolve/class",
     "resolve/average",

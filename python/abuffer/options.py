@@ -1,5 +1,6 @@
 """The options of methods and pipelines: their names, what they may be, and what they are where nobody says."""
 
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -47,6 +48,31 @@ def all_of(given, pipeline) -> dict:
     chosen["max_sorted_fragments"] = _limit(given.get("max_sorted_fragments"))
     chosen["resolve_classes"] = _classes(given.get("resolve_classes", CLASSES))
     return chosen
+
+
+# The largest colour that a format holds; float32's are the scene's own.
+LARGEST_COLOR = {
+    "rgba8_depth32": 1.0,
+    "rgba8_depth24_coverage8": 1.0,
+    "rgb565_depth16": 1.0,
+    "rgb9e5_alpha8_depth24": 65408.0,  # (2⁹ − 1) · 2⁷
+}
+
+
+def warn_of_clamping(node_format, meshes):
+    """Warns where a node format cannot hold the colours of a mesh."""
+    largest = LARGEST_COLOR.get(node_format, np.inf)
+    for mesh in meshes:
+        most = mesh.colors[..., :3].max(initial=0)
+        if most > largest and not mesh.opaque:
+            of = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
+            warnings.warn(
+                f"node_format {node_format!r} clamps colours to {largest:g}, and those of {of} reach {most:g}: "
+                'give "rgb9e5_alpha8_depth24" or "float32"',
+                UserWarning,
+                stacklevel=3,
+            )
+            return
 
 
 def is_integer(value) -> bool:

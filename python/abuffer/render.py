@@ -15,7 +15,7 @@ from .fragments import Fragments
 from .frame import Frame, Plan, Stats
 from .layers import render_by_layers
 from .mesh import Mesh
-from .options import OPTIONS, all_of
+from .options import OPTIONS, all_of, warn_of_clamping
 from .options import samples as checked_samples
 from .scene import as_scene
 
@@ -115,6 +115,7 @@ def render(
         "pipeline": pipeline,
         "blends": [blend.wgsl for blend in own],
     }
+    warn_of_clamping(request["node_format"], scene.meshes)
     parts = [mesh._parts(own) for mesh in scene.meshes]
     view = camera._parts(width, height)
     dtype = np.float64 if precision == "float64" else np.float32

@@ -15,9 +15,10 @@ fn store(v: Varyings, mask: u32) {
 // `mask`: the samples that the hardware found covered, 0 in a helper invocation. `visible`: those of them that no
 // opaque surface hides.
 fn store_samples(v: Varyings, mask: u32, visible: u32) {
-    let at = location(v, mask);
-    let shaded = shade(v, at);
-    let coverage = within_depth_range(v, visible, shaded.value);
+    // The hardware does not clip at far.
+    let clipped = within_depth_range(v, mask);
+    let shaded = shade(v, location(v, clipped));
+    let coverage = clipped & visible;
     let pixel = vec2u(v.position.xy) - vec2u(band.x0, band.y0);
     // The scissor rectangle keeps pixels of other bands away; helper invocations may come from there.
     let inside = pixel.x < band.width && pixel.y < band.height;

@@ -1,12 +1,7 @@
 // Resolve (GPU Pro 2, section 2.6): a pixel's list goes into a temporary array of TEMP entries, which is sorted and
 // composited. TEMP is the class's; lists longer than any class take the stages in long.wgsl.
 
-struct Classes {
-    totals: array<u32, CLASS_SLOTS>,
-    bases: array<u32, CLASS_SLOTS>,
-}
-
-@group(1) @binding(0) var<storage, read> classes: Classes;
+@group(1) @binding(0) var<storage, read_write> classes: Classes;
 @group(1) @binding(1) var<storage, read> class_pixels: array<u32>;
 // One colour a sample, where samples are resolved apart.
 @group(1) @binding(2) var<storage, read_write> sample_colors: array<vec4f>;
@@ -30,26 +25,44 @@ fn gather(pixel: u32, only: u32) -> u32 {
     return n;
 }
 
-// Keeps the fragments of the greatest primitives, as a reverse list read up to a limit would.
-fn keep_last_submitted(n: u32) {
+// Puts the fragments of the greatest primitives first, where a reverse list has them.
+fn put_last_submitted_first(n: u32) {
     for (var i = 0u; i < n; i++) {
         order[i] = order[i].yx;
     }
     sort_entries(n);
-    for (var i = 0u; i < n; i++) {
-        order[i] = order[i].yx;
+}
+
+// Entries of the first LIMIT fragments of a sorted array. Hardware may cut a triangle into pieces that meet inside a
+// pixel: they have one key and order, and are one fragment.
+fn limited(n: u32, counts_dropped: bool) -> u32 {
+    var fragments = 0u;
+    var kept = n;
+    for (var k = 0u; k < n; k++) {
+        let is_piece = SAMPLES > 1u && HAS_ORDER && k > 0u && all(order[k] == order[max(k, 1u) - 1u]);
+        fragments += u32(!is_piece);
+        if fragments > LIMIT {
+            kept = min(kept, k);
+        }
     }
+    if counts_dropped && fragments > LIMIT {
+        atomicAdd(&classes.dropped, fragments - LIMIT);
+    }
+    return kept;
 }
 
 fn resolve_pixel(pixel: u32, only: u32) {
     var n = gather(pixel, only);
     if LIMIT > 0u && LIMIT_LAST && n > LIMIT {
-        keep_last_submitted(n);
-        n = LIMIT;
+        put_last_submitted_first(n);
+        n = limited(n, only == 0u);
+        for (var i = 0u; i < n; i++) {
+            order[i] = order[i].yx;
+        }
     }
     sort_entries(n);
-    if LIMIT > 0u {
-        n = min(n, LIMIT);
+    if LIMIT > 0u && !LIMIT_LAST {
+        n = limited(n, only == 0u);
     }
     if PER_SAMPLE {
         let color = behind(pixel, only);
@@ -97,7 +110,7 @@ fn resolve_pixel(pixel: u32, only: u32) {
 @compute @workgroup_size(64)
 fn cs_resolve(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = id.y * groups.x * 64u + id.x;
-    if i < classes.totals[CLASS] * INVOCATIONS_PER_PIXEL {
+    if i < atomicLoad(&classes.totals[CLASS]) * INVOCATIONS_PER_PIXEL {
         let pixel = class_pixels[classes.bases[CLASS] + i / INVOCATIONS_PER_PIXEL];
         resolve_pixel(pixel, i % INVOCATIONS_PER_PIXEL);
     }

@@ -3,18 +3,6 @@
 // indirectly. Empty pixels are done here. After cs_classify the totals are known, after cs_plan where each class
 // lies in `class_pixels`, and cs_scatter fills it.
 
-struct Classes {
-    // Pixels of each class; the last one is of lists too long for any array.
-    totals: array<atomic<u32>, CLASS_SLOTS>,
-    bases: array<u32, CLASS_SLOTS>,
-    cursors: array<atomic<u32>, CLASS_SLOTS>,
-    // Of the lists that fit an array.
-    longest: atomic<u32>,
-    filled_tiles: atomic<u32>,
-    // Fragments beyond the limit, of the lists that fit an array.
-    dropped: atomic<u32>,
-}
-
 struct Arguments {
     // Workgroups of a class.
     dispatch: array<array<u32, 3>, CLASS_SLOTS>,
@@ -29,7 +17,6 @@ struct Arguments {
 var<workgroup> totals: array<atomic<u32>, CLASS_SLOTS>;
 var<workgroup> bases: array<u32, CLASS_SLOTS>;
 var<workgroup> longest: atomic<u32>;
-var<workgroup> dropped: atomic<u32>;
 
 fn class_of(n: u32) -> u32 {
     var bounds = CLASS_BOUNDS;
@@ -52,9 +39,6 @@ fn cs_classify(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocati
             atomicAdd(&totals[class_of(n)], 1u);
             if n <= LONGEST_CLASS {
                 atomicMax(&longest, n);
-                if LIMIT > 0u && n > LIMIT {
-                    atomicAdd(&dropped, n - LIMIT);
-                }
             }
         }
     }
@@ -71,9 +55,6 @@ fn cs_classify(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocati
         if filled > 0u {
             atomicAdd(&classes.filled_tiles, 1u);
             atomicMax(&classes.longest, atomicLoad(&longest));
-            if LIMIT > 0u {
-                atomicAdd(&classes.dropped, atomicLoad(&dropped));
-            }
         }
     }
 }

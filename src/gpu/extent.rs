@@ -14,16 +14,23 @@ pub struct Extent {
     x: (f64, f64),
     y: (f64, f64),
     value: (f64, f64),
+    /// Some triangle reaches past the viewport or the depth range, so that hardware may cut it.
+    pub is_cut: bool,
 }
 
 const NOTHING: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 
 impl Extent {
-    pub const NOTHING: Self = Self { x: NOTHING, y: NOTHING, value: NOTHING };
+    pub const NOTHING: Self = Self { x: NOTHING, y: NOTHING, value: NOTHING, is_cut: false };
 
     pub fn join(self, other: Self) -> Self {
         let join = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
-        Self { x: join(self.x, other.x), y: join(self.y, other.y), value: join(self.value, other.value) }
+        Self {
+            x: join(self.x, other.x),
+            y: join(self.y, other.y),
+            value: join(self.value, other.value),
+            is_cut: self.is_cut || other.is_cut,
+        }
     }
 
     /// The pixels that may be covered, `None` if there are none.
@@ -74,7 +81,7 @@ impl<'a> Viewpoint<'a> {
         if self.volume.contains(&vertices) {
             return self.of(&vertices);
         }
-        self.of(self.volume.clip(vertices).corners())
+        Extent { is_cut: true, ..self.of(self.volume.clip(vertices).corners()) }
     }
 
     fn of(&self, corners: &[Vertex<f64>]) -> Extent {
@@ -82,7 +89,7 @@ impl<'a> Viewpoint<'a> {
             let x = (v.x / v.w * 0.5 + 0.5) * self.size.0;
             let y = (0.5 - v.y / v.w * 0.5) * self.size.1;
             let value = if self.rows.perspective { 1.0 / v.w } else { v.depth };
-            Extent { x: (x, x), y: (y, y), value: (value, value) }
+            Extent { x: (x, x), y: (y, y), value: (value, value), is_cut: false }
         };
         corners.iter().map(of).fold(Extent::NOTHING, Extent::join)
     }

@@ -25,7 +25,7 @@ use super::uniforms::View;
 use super::variant::Variant;
 use crate::camera::{Camera, ClipRows};
 use crate::error::Result;
-use crate::fragments::Background;
+use crate::fragments::{Background, Fragments};
 use crate::frame::{Lists, Output, Request, Stats, Storage, allocate};
 use crate::node_format::DepthCodes;
 use crate::scene::Scene;
@@ -64,8 +64,14 @@ pub fn render(
     };
     background::fill_outside(&mut output, request, &background, rect)?;
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
-    let reader =
-        wants_lists.then_some(Reader { gpu, layout: variant.layout, storage: variant.storage, codes });
+    // The device counts the pieces of a cut triangle apart: then it takes the lists to count.
+    let pieces = request.samples > 1 && frame.geometry.found.listed.is_cut;
+    let reader = (wants_lists || (pieces && request.lists == Lists::Count)).then_some(Reader {
+        gpu,
+        layout: variant.layout,
+        storage: variant.storage,
+        codes,
+    });
 
     let mut band_lists = Vec::new();
     let mut pool: Option<Pool> = None;
@@ -111,9 +117,13 @@ pub fn render(
 
     let clock = Instant::now();
     if let Some(reader) = &reader {
-        output.fragments = Some(reader.assemble(band_lists, width, height)?);
+        let lists = reader.assemble(band_lists, width, height)?;
+        if pieces {
+            recount(&lists, &mut output);
+        }
+        output.fragments = wants_lists.then_some(lists);
         output.stats.stage("lists", clock);
-        if variant.hides {
+        if variant.hides && wants_lists {
             output.background = Some(background::read(&frame, &budget, request)?);
         }
     }
@@ -122,6 +132,14 @@ pub fn render(
     bytes.extend(pool.iter().flat_map(Pool::bytes));
     bytes.push(("targets", frame.targets.bytes));
     Ok(output)
+}
+
+/// Counts again what the lists hold.
+fn recount(lists: &Fragments<f32>, output: &mut Output<f32>) {
+    let counts: Vec<i32> = lists.offsets.windows(2).map(|w| (w[1] - w[0]) as i32).collect();
+    output.stats.fragments = lists.color.len() as u64;
+    output.stats.max_depth_complexity = counts.iter().max().map(|&n| n as u32);
+    output.counts = Some(counts);
 }
 
 /// Brings the scene to the device. Also gives the codes of depths, and the rectangle that there is anything in.

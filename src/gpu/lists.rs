@@ -82,6 +82,9 @@ impl Reader<'_> {
                 }
             }
             row.fragments[first..].sort_unstable_by_key(|f| (f.key, f.order));
+            if self.layout.samples > 1 {
+                merge_pieces(&mut row.fragments, first);
+            }
             row.counts.push((row.fragments.len() - first) as i32);
         }
         row
@@ -120,4 +123,21 @@ impl Reader<'_> {
         }
         Ok(all)
     }
+}
+
+/// Hardware may cut a triangle into pieces that meet inside a pixel: they share key and order, and each has some of
+/// the samples. One fragment has them all.
+fn merge_pieces(fragments: &mut Vec<Decoded>, first: usize) {
+    let mut kept = first;
+    for i in first..fragments.len() {
+        let own = fragments[i];
+        match fragments[first..kept].last_mut() {
+            Some(last) if (last.key, last.order) == (own.key, own.order) => last.coverage |= own.coverage,
+            _ => {
+                fragments[kept] = own;
+                kept += 1;
+            }
+        }
+    }
+    fragments.truncate(kept);
 }

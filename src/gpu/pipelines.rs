@@ -94,7 +94,7 @@ impl Layouts {
             depth: variant.compares_depth().then(|| of("opaque depth", fragment, &[depth])),
             read: of("read", resolve, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite, Color, color]),
             classify: of("classify", compute, &[ReadWrite, ReadWrite, ReadWrite]),
-            class: of("class", resolve, &[Read, Read, ReadWrite]),
+            class: of("class", resolve, &[ReadWrite, Read, ReadWrite]),
             average: of("average", compute, &[Read]),
             background: of("background", compute, &[ReadWrite]),
             long: of(
@@ -134,7 +134,8 @@ impl Pipelines {
                 blend: None,
                 write_mask: wgpu::ColorWrites::ALL,
             });
-            let depth = self.depth_state(true, false);
+            let format = self.variant.opaque_format().unwrap_or(DEPTH_FORMAT);
+            let depth = self.depth_state(format, true, false);
             Ok(self.render(gpu, &module, "opaque", &[&self.layouts.geometry], Some(depth), &[color]))
         })
     }
@@ -152,8 +153,8 @@ impl Pipelines {
             };
             let mut groups = vec![&self.layouts.geometry, lists];
             groups.extend(&self.layouts.depth);
-            if self.variant.depth_format().is_some() {
-                let depth = self.depth_state(false, true);
+            if let Some(format) = self.variant.build_format() {
+                let depth = self.depth_state(format, false, true);
                 return Ok(self.render(gpu, &module, "build", &groups, Some(depth), &[]));
             }
             let nothing = Some(wgpu::ColorTargetState {
@@ -184,7 +185,8 @@ impl Pipelines {
     pub fn fullscreen(&self, gpu: &Gpu, class: usize) -> Result<&wgpu::RenderPipeline> {
         once(gpu, &self.fullscreen[class], || {
             let module = compile(gpu, "class", &self.variant.class(class)?)?;
-            let mut depth = self.depth_state(false, false);
+            let format = self.variant.build_format().unwrap_or(TextureFormat::Stencil8);
+            let mut depth = self.depth_state(format, false, false);
             depth.depth_compare = depth.depth_compare.map(|_| wgpu::CompareFunction::Always);
             let face = wgpu::StencilFaceState {
                 compare: wgpu::CompareFunction::NotEqual, // to 0: something is listed
@@ -235,8 +237,7 @@ impl Pipelines {
         })
     }
 
-    fn depth_state(&self, writes: bool, counts: bool) -> wgpu::DepthStencilState {
-        let format = self.variant.depth_format().unwrap_or(DEPTH_FORMAT);
+    fn depth_state(&self, format: TextureFormat, writes: bool, counts: bool) -> wgpu::DepthStencilState {
         let face = wgpu::StencilFaceState {
             compare: wgpu::CompareFunction::Always,
             fail_op: wgpu::StencilOperation::Keep,

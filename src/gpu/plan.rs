@@ -29,16 +29,15 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
     }
     let options = &request.lists_on_gpu;
     let hides = scene.has_opaque() && request.lists != Lists::All;
-    if options.fullscreen && hides && !gpu.has(wgpu::Features::DEPTH32FLOAT_STENCIL8) {
-        return Err(Error::Unsupported(format!(
-            "{name} lacks the feature DEPTH32FLOAT_STENCIL8, which resolve=\"fragment\" needs beside opaque \
-             geometry: give resolve=\"compute\""
-        )));
-    }
+    // A stencil beside depth is a feature; where the shader compares depths the two are apart.
+    let stencil_apart = options.fullscreen && hides && !gpu.has(wgpu::Features::DEPTH32FLOAT_STENCIL8);
     let blends = options.blends.iter().enumerate();
     let blends = blends.map(|(i, text)| user_blend(i, "blend", text)).collect::<Result<Vec<_>>>()?;
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
-    let wants_order = wants_lists || matches!(request.limit, Some((_, LimitPolicy::LastSubmitted)));
+    // Counts with samples too: the pieces of a cut triangle are told by their primitive.
+    let counts_pieces = request.lists == Lists::Count && request.samples > 1;
+    let by_order = matches!(request.limit, Some((_, LimitPolicy::LastSubmitted)));
+    let wants_order = wants_lists || counts_pieces || by_order;
     let layout = NodeLayout::new(options.format, request.samples, scene.mixes_modes(), wants_order);
     let triangles = scene.triangle_count();
     if triangles > layout.most_triangles() {
@@ -58,7 +57,7 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
         classes: options.classes.clone(),
         fullscreen: options.fullscreen,
         blends: blends.into(),
-        early: gpu.has(wgpu::Features::SHADER_EARLY_DEPTH_TEST),
+        early: gpu.has(wgpu::Features::SHADER_EARLY_DEPTH_TEST) && !stencil_apart,
         subgroups: gpu.has(wgpu::Features::SUBGROUP),
     })
 }

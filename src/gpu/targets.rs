@@ -7,18 +7,21 @@ use super::variant::Variant;
 use crate::error::Result;
 use crate::fragments::Background;
 
+const CLEARED: wgpu::Operations<u32> =
+    wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store };
+
 /// The targets of a render: only those that the scene requires; the others are of one pixel.
 pub struct Targets {
     /// The user's background, where that is an image.
     pub background: wgpu::TextureView,
     /// What opaque surfaces show, with alpha 1.
     pub opaque_color: wgpu::TextureView,
-    /// Depth, stencil or both, where something hides or is counted.
-    depth: Option<wgpu::TextureView>,
-    /// Its depth alone, for a shader that compares.
+    /// What opaque geometry writes depths to, and what translucent geometry is tested against or counts in: the
+    /// same, but where a shader loads the depths.
+    opaque_depth: Option<(wgpu::TextureFormat, wgpu::TextureView)>,
+    test: Option<(wgpu::TextureFormat, wgpu::TextureView)>,
+    /// The depth alone, for a shader that compares.
     pub depth_to_load: Option<wgpu::TextureView>,
-    has_depth: bool,
-    counts_in_stencil: bool,
     /// What else a pass is measured by.
     coverage: Option<wgpu::TextureView>,
     pub bytes: u64,
@@ -44,9 +47,13 @@ impl Targets {
             write_texture(gpu, &user, pixels);
         }
         let opaque = view("opaque colour", COLOR_FORMAT, if variant.hides { size } else { one }, samples);
-        let format = variant.depth_format();
-        let depth = format.map(|format| view("depth", format, size, samples));
-        let coverage = format.is_none().then(|| view("coverage", COVERAGE_FORMAT, size, samples));
+        let depth = variant.opaque_format().map(|format| view("depth", format, size, samples));
+        let coverage =
+            variant.build_format().is_none().then(|| view("coverage", COVERAGE_FORMAT, size, samples));
+        let test = match variant.build_format() {
+            same if same == variant.opaque_format() => depth.clone(),
+            apart => apart.map(|format| view("stencil", format, size, samples)),
+        };
         let whole = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let depth_only = |texture: &wgpu::Texture| {
             texture.create_view(&wgpu::TextureViewDescriptor {
@@ -58,48 +65,37 @@ impl Targets {
             background: whole(&user),
             opaque_color: whole(&opaque),
             depth_to_load: depth.as_ref().filter(|_| variant.compares_depth()).map(depth_only),
-            has_depth: variant.hides,
-            counts_in_stencil: variant.fullscreen,
-            depth: depth.as_ref().map(whole),
+            opaque_depth: depth.as_ref().map(|t| (t.format(), whole(t))),
+            test: test.as_ref().map(|t| (t.format(), whole(t))),
             coverage: coverage.as_ref().map(whole),
             bytes,
         })
     }
 
-    /// Cleared, for opaque geometry.
+    /// Cleared, for opaque geometry. Depth is reversed: 0 is infinitely far.
     pub fn depth_to_write(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
-        self.attachment(
-            Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
-            self.counts_in_stencil
-                .then_some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
-        )
+        self.opaque_depth.as_ref().map(|(format, view)| wgpu::RenderPassDepthStencilAttachment {
+            view,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+            stencil_ops: format.has_stencil_aspect().then_some(CLEARED),
+        })
     }
 
     /// Depth as it is; the stencil starts at 0.
     pub fn depth_to_test(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
-        self.attachment(
-            None,
-            self.counts_in_stencil
-                .then_some(wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store }),
-        )
+        self.test.as_ref().map(|(format, view)| wgpu::RenderPassDepthStencilAttachment {
+            view,
+            depth_ops: None,
+            stencil_ops: format.has_stencil_aspect().then_some(CLEARED),
+        })
     }
 
     /// Both as they are.
     pub fn stencil_to_test(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
-        self.attachment(None, None)
-    }
-
-    fn attachment(
-        &self,
-        depth_ops: Option<wgpu::Operations<f32>>,
-        stencil_ops: Option<wgpu::Operations<u32>>,
-    ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
-        // Depth is reversed: 0 is infinitely far.
-        let depth_ops = depth_ops.filter(|_| self.has_depth);
-        self.depth.as_ref().map(|view| wgpu::RenderPassDepthStencilAttachment {
+        self.test.as_ref().map(|(_, view)| wgpu::RenderPassDepthStencilAttachment {
             view,
-            depth_ops,
-            stencil_ops,
+            depth_ops: None,
+            stencil_ops: None,
         })
     }
 

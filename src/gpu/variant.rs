@@ -51,14 +51,20 @@ impl Variant {
         self.hides && (self.layout.samples > 1 || !self.early)
     }
 
-    /// Of the target that translucent geometry is tested against, and counted in for a stencil.
-    pub fn depth_format(&self) -> Option<wgpu::TextureFormat> {
-        match (self.hides, self.fullscreen) {
-            (false, false) => None,
-            (false, true) => Some(wgpu::TextureFormat::Stencil8),
-            (true, false) => Some(DEPTH_FORMAT),
-            (true, true) => Some(wgpu::TextureFormat::Depth32FloatStencil8),
-        }
+    /// Of the target that opaque geometry writes its depth to, with a stencil if translucent geometry counts there.
+    pub fn opaque_format(&self) -> Option<wgpu::TextureFormat> {
+        self.hides.then_some(if self.fullscreen && !self.compares_depth() {
+            wgpu::TextureFormat::Depth32FloatStencil8
+        } else {
+            DEPTH_FORMAT
+        })
+    }
+
+    /// Of the target that translucent geometry is tested against, or counts in. A shader that loads depths cannot
+    /// have them in a target that it writes: then the stencil is apart.
+    pub fn build_format(&self) -> Option<wgpu::TextureFormat> {
+        let apart = self.fullscreen && (!self.hides || self.compares_depth());
+        if apart { Some(wgpu::TextureFormat::Stencil8) } else { self.opaque_format() }
     }
 
     pub fn back_to_front(&self) -> bool {
@@ -187,7 +193,7 @@ impl Variant {
     }
 
     pub fn classify(&self) -> Result<Composed> {
-        self.reading(1, 0, &["resolve/classify"])
+        self.reading(1, 0, &["resolve/classes", "resolve/classify"])
     }
 
     pub fn average(&self) -> Result<Composed> {
@@ -200,7 +206,7 @@ impl Variant {
 
     pub fn class(&self, class: usize) -> Result<Composed> {
         let temp = self.classes[class];
-        let mut own = vec!["sort/arrays", self.sort_file(temp), "resolve/class"];
+        let mut own = vec!["sort/arrays", self.sort_file(temp), "resolve/classes", "resolve/class"];
         if self.fullscreen {
             own.push("resolve/fullscreen");
         }
