@@ -1,0 +1,177 @@
+"""Measures renders in turns, so that what else the machine does hits them alike, and checks what they return.
+
+A render is a scene, named by a function of scenes.py and its arguments, and options of `abuffer.render`. Run as a
+program it measures what it reads from stdin, with the environment of that process, and is asked to by `measure_apart`.
+"""
+
+import functools
+import hashlib
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import abuffer as ab
+import scenes
+
+# Sums of the stages that a render reports: GPU time.
+CLASSES = ("resolve ", "average", "long lists")
+SUMS = {
+    "fill": lambda stage: stage in ("build", "count", "scan", "scatter"),
+    "resolve": lambda stage: stage.startswith(("classify", *CLASSES)),
+    "classify": lambda stage: stage == "classify",
+    "classes": lambda stage: stage.startswith(CLASSES),
+    "opaque": lambda stage: stage == "opaque",
+}
+
+
+def same_bits(frame, reference):
+    """What the check of an image says, and whether it holds."""
+    if np.array_equal(frame.image.view(np.uint32), reference.image.view(np.uint32)):
+        return "same bits", True
+    return f"off by {np.abs(frame.image - reference.image).max():.1e}", False
+
+
+def same_lists(frame, reference):
+    said, holds = same_bits(frame, reference)
+    arrays = ("offsets", "key", "primitive", "color")
+    same = all(np.array_equal(getattr(frame.fragments, a), getattr(reference.fragments, a)) for a in arrays)
+    return (said, holds) if same else ("other lists", False)
+
+
+def within(tolerance):
+    def check(frame, reference):
+        off = np.abs(frame.image - reference.image).max()
+        return ("same bits" if same_bits(frame, reference)[1] else f"within {off:.1e}"), bool(off <= tolerance)
+
+    return check
+
+
+@dataclass
+class Variant:
+    """A row to measure."""
+
+    name: str
+    scene: tuple  # a function of scenes.py, then its arguments
+    options: dict = field(default_factory=dict)
+    like: str | None = ""  # the row whose image it is checked against: "" the first one, None none
+    check: object = same_bits
+    without: str = ""  # features that are withheld from a process of its own
+
+
+@functools.lru_cache(maxsize=4)
+def build(function, *arguments):
+    return getattr(scenes, function)(*arguments)
+
+
+def render(scene, options):
+    """A frame, and the wall time it took."""
+    meshes, camera, width, height = build(*scene)
+    start = time.perf_counter()
+    frame = ab.render(meshes, camera, width=width, height=height, **options)
+    return frame, (time.perf_counter() - start) * 1e3
+
+
+def run_of(frame, wall):
+    """The times of one render."""
+    stages = frame.stats.ms
+    sums = {name: sum(ms for stage, ms in stages.items() if of(stage)) for name, of in SUMS.items()}
+    return {"wall": wall} | sums | {"stages": stages}
+
+
+def facts_of(frame):
+    """What does not change from turn to turn."""
+    reasons = {what: why for what, _, why in frame.plan}
+    return {
+        "pixels": frame.image.shape[0] * frame.image.shape[1],
+        "fragments": frame.stats.fragments,
+        "longest": frame.stats.max_depth_complexity,
+        "bands": frame.stats.bands,
+        "node": frame.plan["node format"],
+        "lists": reasons["lists"],
+        "opaque geometry": frame.plan["opaque geometry"],
+        "digest": hashlib.sha256(frame.image.tobytes()).hexdigest(),
+    }
+
+
+def measure(variants, repeats):
+    """A row a variant, in turns; the first turn makes pipelines and pages, and is not counted."""
+    rows = {v.name: {"name": v.name, "runs": []} for v in variants}
+    likes = {v.like or variants[0].name for v in variants}
+    references = {}
+    for turn in range(repeats + 1):
+        for v in variants:
+            row = rows[v.name]
+            if "error" in row:
+                continue
+            try:
+                frame, wall = render(v.scene, v.options)
+            except (ab.UnsupportedError, ab.CapacityError) as error:
+                row["error"] = str(error)
+                continue
+            if turn:
+                row["runs"].append(run_of(frame, wall))
+            else:
+                row |= facts_of(frame)
+                if v.name in likes:
+                    references[v.name] = frame
+            reference = None if v.like is None else references.get(v.like or variants[0].name)
+            if reference is not None and row.get("holds", True):  # a check that failed once has failed
+                row["image"], row["holds"] = v.check(frame, reference)
+    return summed(rows.values())
+
+
+def measure_apart(variants, repeats, rounds=3):
+    """The same in processes, which take turns: all renders that withhold the same features share one."""
+    rows = {v.name: {"name": v.name, "runs": []} for v in variants}
+    digests = {v.name: set() for v in variants}
+    for _ in range(min(rounds, repeats)):
+        for without in dict.fromkeys(v.without for v in variants):
+            here = [v for v in variants if v.without == without]
+            job = {"renders": [[v.scene, v.options] for v in here], "repeats": -(-repeats // rounds)}
+            environment = os.environ | {"ABUFFER_WITHOUT": without}
+            command = [sys.executable, __file__]
+            out = subprocess.run(command, input=json.dumps(job), env=environment, stdout=subprocess.PIPE, text=True)
+            if out.returncode:
+                raise RuntimeError(f"measuring without {without or 'withholding anything'} failed: see above")
+            for v, found in zip(here, json.loads(out.stdout), strict=True):
+                rows[v.name]["runs"] += found.pop("runs")
+                rows[v.name] |= found
+                digests[v.name].add(found["digest"])
+    for v in variants:
+        same = digests[v.name] == digests[v.like or v.name] and len(digests[v.name]) == 1
+        rows[v.name] |= {"holds": same, "image": "same bits" if same else "another image"}
+    return summed(rows.values())
+
+
+def summed(rows):
+    """Rows with medians of their runs."""
+    for row in rows:
+        runs = row["runs"]
+        for name in ("wall", *SUMS) if runs else ():
+            row[name] = statistics.median(run[name] for run in runs)
+        stages = dict.fromkeys(stage for run in runs for stage in run["stages"])
+        row["stages"] = {s: statistics.median(run["stages"].get(s, 0.0) for run in runs) for s in stages}
+    return list(rows)
+
+
+def answer():
+    job = json.load(sys.stdin)
+    results = []
+    for scene, options in job["renders"]:
+        runs = []
+        for turn in range(job["repeats"] + 1):
+            frame, wall = render(tuple(scene), options)
+            if turn:
+                runs.append(run_of(frame, wall))
+        results.append(facts_of(frame) | {"runs": runs})
+    json.dump(results, sys.stdout)
+
+
+if __name__ == "__main__":
+    answer()
