@@ -87,8 +87,8 @@ pub struct ListOptions {
     pub classes: Vec<u32>,
     /// The resolve is a full-screen pass behind a stencil, not a dispatch.
     pub fullscreen: bool,
-    /// WGSL of a user's blends, ids 5 and on.
-    pub blends: Arc<[String]>,
+    /// Names and WGSL of a user's blends, ids 5 and on.
+    pub blends: Arc<[(String, String)]>,
 }
 
 /// How lists are stored.

@@ -26,13 +26,14 @@ use crate::render;
 use crate::resolve::Resolve;
 use crate::samples::check_samples;
 use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate, Scene};
+use crate::shader::user_blend;
 
 #[pymodule]
 mod _core {
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
-    use super::{adapters, composite, encode_png, methods, render_cpu, render_gpu};
+    use super::{adapters, check_blend, composite, encode_png, methods, render_cpu, render_gpu};
 }
 
 mod errors {
@@ -174,7 +175,7 @@ struct RequestParts {
     #[pyo3(item)]
     resolve_classes: Vec<u32>,
     #[pyo3(item)]
-    blends: Vec<Option<String>>,
+    blends: Vec<(String, Option<String>)>,
 }
 
 impl RequestParts {
@@ -187,7 +188,7 @@ impl RequestParts {
             format: NodeFormat::named(&self.node_format).unwrap_or(NodeFormat::Float32),
             classes: self.resolve_classes.clone(),
             fullscreen: self.resolve == "fragment",
-            blends: self.blends.iter().map(|b| b.clone().unwrap_or_default()).collect(),
+            blends: self.blends.iter().map(|(n, b)| (n.clone(), b.clone().unwrap_or_default())).collect(),
         };
         Request {
             lists_on_gpu,
@@ -437,6 +438,13 @@ fn composite<'py>(
     };
     let n = image.len();
     Ok(image.into_flattened().into_pyarray(py).reshape([n, 4])?.into_any())
+}
+
+/// Raises a ShaderError if a user's blend is no expression or function body of WGSL.
+#[pyfunction]
+fn check_blend(name: &str, wgsl: &str) -> PyResult<()> {
+    user_blend(0, name, wgsl)?;
+    Ok(())
 }
 
 /// PNG bytes of an (H, W, 4) uint8 array.

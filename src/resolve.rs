@@ -1,8 +1,8 @@
 //! Resolve: one pixel's sorted fragments become its colour, or one colour a sample (GPU Pro 2, sections 2.6.4,
 //! 2.7.2 and 2.8.3). Where fragments come from, a pipeline or captured lists, is the caller's business.
 
-use crate::blend::{self, onto, premultiplied};
-use crate::frame::{BlendOrder, MsaaResolve, Request};
+use crate::blend::{self, MODES, onto, premultiplied};
+use crate::frame::{BlendOrder, MsaaResolve, Request, Stats};
 use crate::methods::exact;
 use crate::real::Real;
 use crate::samples::MAX_SAMPLES;
@@ -103,6 +103,26 @@ impl Resolve {
             mixes: scene.mixes_modes(),
             order: request.blend_order,
         }
+    }
+
+    /// Notes what is blended, and in which direction.
+    pub fn describe(&self, scene: &Scene, ids: &str, stats: &mut Stats) {
+        let used = |id: u8| scene.meshes.iter().any(|m| !m.opaque && m.blend == id && m.face_count() > 0);
+        let mut modes: Vec<_> = (0..).zip(MODES).filter(|(id, _)| used(*id)).map(|(_, name)| name).collect();
+        let has_own = scene.meshes.iter().any(|m| m.blend as usize >= MODES.len());
+        if has_own {
+            modes.push("your own");
+        }
+        let modes = if self.mixes { modes.join(", ") } else { "all over".into() };
+        stats.choose("blend", modes, ids);
+        let (direction, why) = match (has_own, self.order) {
+            (true, _) => ("back to front", "a blend of your own is no affine map"),
+            (false, BlendOrder::BackToFront) => ("back to front", "as asked"),
+            (false, BlendOrder::FrontToBack) => {
+                ("front to back", "every mode is an affine map, and a pixel may stop early")
+            }
+        };
+        stats.choose("direction", direction, why);
     }
 
     /// Resolves `n` fragments, the first in front, over the straight colour `behind` each sample. Calls `write`

@@ -53,6 +53,8 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "resolve/class",
     "resolve/average",
     "resolve/fullscreen",
+    "resolve/fullscreen_early",
+    "resolve/fullscreen_late",
     "resolve/background",
     "resolve/long",
     "sort/arrays",
@@ -172,12 +174,19 @@ pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
         return Ok(three + &wrap);
     };
     let four = function("vec4f");
-    if check(&four).is_ok() {
+    let Err((line_of_four, message_of_four)) = check(&four) else {
         let wrap = format!(
             "fn blended_{i}(d: vec4f, s: vec4f, z: f32) -> vec4f {{ return own_blend_{i}(d.rgb, s, z); }}"
         );
         return Ok(four + &wrap);
-    }
+    };
+    // Of the two complaints the one that is not about what is returned; where both are, neither kind is.
+    let about_result = |message: &str| message.contains("return type");
+    let (line, message) = match (about_result(&message), about_result(&message_of_four)) {
+        (true, true) => (line, "it must give a vec3f, or a vec4f whose last is the alpha".to_string()),
+        (true, false) => (line_of_four, message_of_four),
+        _ => (line, message),
+    };
     let line = line.saturating_sub(lines_before).clamp(1, text.lines().count().max(1));
     let own = text.lines().nth(line - 1).unwrap_or_default().trim();
     Err(Error::Shader { file: name.into(), line, message: format!("{message}, in `{own}`") })
@@ -225,7 +234,7 @@ mod tests {
         for (text, line, word) in [
             ("dst * colour.a", 1, "colour"),
             ("let t = 1.0;\nlet u = missing;\nreturn dst;", 2, "missing"),
-            ("dst.r", 1, ""),
+            ("dst.r", 1, "vec3f"),
             ("dst +", 1, ""),
             ("1.0; } fn f() { return", 1, ""),
         ] {

@@ -6,7 +6,7 @@ are composited by the core.
 
 import numpy as np
 
-from . import _check
+from . import _check, _core
 from .errors import ParameterError
 
 BLENDS = ("over", "additive", "multiply", "screen", "premultiplied")
@@ -29,6 +29,7 @@ class Blend:
 
     Raises:
         ParameterError: neither is given, or not as text and a callable.
+        ShaderError: `wgsl` is no WGSL; names its line.
 
     >>> lighten = Blend("max(dst, src.rgb)", lambda dst, src, depth: np.maximum(dst, src[:, :3]), "lighten")
     >>> lighten
@@ -47,6 +48,8 @@ class Blend:
             raise ParameterError(f"numpy must be a callable of (dst, src, depth), got {numpy!r}")
         if name is not None and not isinstance(name, str):
             raise ParameterError(f"name must be text, got {name!r}")
+        if wgsl is not None:
+            _core.check_blend(name or "blend", wgsl)
         self._set(wgsl, numpy, name)
 
     def _set(self, wgsl, numpy, name):

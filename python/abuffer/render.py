@@ -113,7 +113,7 @@ def render(
         "memory": _bytes(memory),
         "samples": samples,
         "pipeline": pipeline,
-        "blends": [blend.wgsl for blend in own],
+        "blends": [(blend.name or "blend", blend.wgsl) for blend in own],
     }
     warn_of_clamping(request["node_format"], scene.meshes)
     parts = [mesh._parts(own) for mesh in scene.meshes]
@@ -124,9 +124,7 @@ def render(
         output = _core.render_gpu(adapter, parts, view, request, behind)
     elif own:
         output = render_by_layers(parts, view, request, behind, dtype, own)
-        plan.append(
-            ("blend", "back to front, in numpy", "a Blend is no affine map: what it gives depends on what lies behind")
-        )
+        plan.append(("compositing", "numpy, in float64", "a Blend is a callable here"))
     else:
         output = _core.render_cpu(parts, view, request, behind, dtype == np.float64)
     return _frame(output, request, scene, camera, plan, background, own)

@@ -1,5 +1,5 @@
 // One atomic addition a subgroup: its fragments take consecutive nodes. Helper invocations vote no, since what
-// they write to memory is lost (their sample mask is 0).
+// they write to memory is lost: their sample mask is 0, unless a forced depth test made them helpers.
 
 fn hand_out(kept: bool) -> u32 {
     let votes = subgroupBallot(kept);

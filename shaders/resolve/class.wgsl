@@ -10,16 +10,14 @@
 fn gather(pixel: u32, only: u32) -> u32 {
     var n = 0u;
     var c = first_of(pixel);
-    for (var i = 0u; i < TEMP; i++) {
-        if !is_end(c) {
-            let node = node_at(c);
-            advance(&c);
-            // A limit is of the pixel's fragments: then those of other samples count too.
-            if !PER_SAMPLE || LIMIT > 0u || (coverage_of(node) >> only & 1u) == 1u {
-                order[n] = order_of(node);
-                entries[n] = node;
-                n++;
-            }
+    for (var i = 0u; i < TEMP && !is_end(c); i++) {
+        let node = node_at(c);
+        advance(&c);
+        // A limit is of the pixel's fragments: then those of other samples count too.
+        if !PER_SAMPLE || LIMIT > 0u || (coverage_of(node) >> only & 1u) == 1u {
+            order[n] = order_of(node);
+            entries[n] = node;
+            n++;
         }
     }
     return n;

@@ -7,8 +7,7 @@ fn vs_resolve(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
-@fragment
-fn fs_resolve(@builtin(position) position: vec4f) {
+fn resolve_at(position: vec4f) {
     let at = vec2u(position.xy) - vec2u(band.x0, band.y0);
     if at.x >= band.width || at.y >= band.height {
         return;

@@ -79,7 +79,11 @@ fn render_listed<T: Real, L: Listed<T>>(
         scratch_bytes: memory / 4 / rayon::current_num_threads() as u64,
         deep_pixel: Mutex::new(DeepPixel { limit: memory / 4, held: 0 }),
     };
-    let rules = Rules { resolve: Resolve::of(request, scene), limit: request.limit };
+    let samples_why = if samples > 1 { "a mask with each fragment" } else { "no masks" };
+    stats.choose("samples", samples.to_string(), samples_why);
+    let resolve = Resolve::of(request, scene);
+    resolve.describe(scene, "known from the triangle", &mut stats);
+    let rules = Rules { resolve, limit: request.limit };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     // Poisoned: a pixel that no tile writes would show.
     let each = request.image_samples();

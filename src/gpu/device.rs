@@ -1,7 +1,7 @@
 //! Adapters and devices: found once, made lazily, kept for the process.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pollster::block_on;
@@ -42,6 +42,8 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     lost: Arc<Mutex<Option<String>>>,
+    /// Nodes a pixel that the last render of linked lists had, for the next one's first pool.
+    nodes_per_pixel: AtomicU64,
     /// One render at a time: interleaved ones would hold twice the memory and gain nothing.
     busy: Mutex<()>,
 }
@@ -215,6 +217,7 @@ impl Gpu {
             limits,
             pipelines: Mutex::new(HashMap::new()),
             lost,
+            nodes_per_pixel: AtomicU64::new(4),
             busy: Mutex::new(()),
         })
     }
@@ -265,6 +268,15 @@ impl Gpu {
         let made = Arc::new(Pipelines::new(self, variant.clone()));
         all.insert(variant.clone(), made.clone());
         made
+    }
+
+    /// Nodes to begin with. Too few, and a pass is done twice; too many is only memory.
+    pub fn nodes_guess(&self, pixels: u64) -> u64 {
+        (pixels * self.nodes_per_pixel.load(Ordering::Relaxed)).max(4096)
+    }
+
+    pub fn remember_nodes(&self, nodes: u64, pixels: u64) {
+        self.nodes_per_pixel.store(nodes.div_ceil(pixels.max(1)).max(4), Ordering::Relaxed);
     }
 
     pub fn has(&self, feature: wgpu::Features) -> bool {

@@ -24,7 +24,7 @@ use super::targets::Targets;
 use super::uniforms::View;
 use super::variant::Variant;
 use crate::camera::{Camera, ClipRows};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
 use crate::frame::{Lists, Output, Request, Stats, Storage, allocate};
 use crate::node_format::DepthCodes;
@@ -41,7 +41,7 @@ pub fn render(
     let (width, height) = (request.width, request.height);
     let variant = plan::variant(gpu, scene, request)?;
     let mut stats = Stats { device: gpu.adapter.name.clone(), ..Stats::default() };
-    plan::describe(&variant, request, &mut stats);
+    plan::describe(&variant, scene, request, &mut stats);
     let budget = Budget::of(gpu, &variant, request.memory.unwrap_or(DEFAULT_MEMORY));
 
     let clock = Instant::now();
@@ -82,7 +82,7 @@ pub fn render(
         rect.map_or(vec![], |rect| rect.parts(budget.pixels)).into_iter().map(|r| (r, None)).collect();
     while let Some((rect, known)) = waiting.pop() {
         let guess = match variant.storage {
-            Storage::Linked => (4 * rect.pixels()).max(4096).min(budget.nodes),
+            Storage::Linked => gpu.nodes_guess(rect.pixels()).min(budget.nodes),
             Storage::Contiguous => 1, // it counts before it stores
         };
         let wanted = known.unwrap_or(guess);
@@ -103,12 +103,23 @@ pub fn render(
                 }
             }
             Filled::Overflow { nodes } if nodes <= budget.nodes => waiting.push((rect, Some(nodes))),
-            Filled::Overflow { .. } => {
+            Filled::Overflow { nodes } => {
                 let counts = frame.count(pool, rect, &mut output.stats)?;
                 let bands = budget.bands(rect, &counts)?;
+                if let [(whole, _)] = bands.as_slice()
+                    && *whole == rect
+                {
+                    return Err(Error::Device(format!(
+                        "{} counted {nodes} fragments and then fewer: its driver is at fault; device=\"cpu\" works",
+                        gpu.adapter.name
+                    )));
+                }
                 waiting.extend(bands.into_iter().map(|(rect, nodes)| (rect, Some(nodes))));
             }
         }
+    }
+    if let Some(rect) = rect {
+        gpu.remember_nodes(output.stats.fragments, rect.pixels());
     }
     output.stats.bands = output.stats.bands.max(1);
     output.stats.dropped_fragments = outcome.dropped;

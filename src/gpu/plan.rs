@@ -6,8 +6,9 @@ use super::pool::Rect;
 use super::resolve::{Outcome, TILE, class_name};
 use super::variant::Variant;
 use crate::error::{Error, Result};
-use crate::frame::{BlendOrder, LimitPolicy, Lists, Request, Stats, Storage};
+use crate::frame::{LimitPolicy, Lists, Request, Stats, Storage};
 use crate::node_format::{NodeFormat, NodeLayout};
+use crate::resolve::Resolve;
 use crate::scene::Scene;
 use crate::shader::user_blend;
 
@@ -32,7 +33,7 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
     // A stencil beside depth is a feature; where the shader compares depths the two are apart.
     let stencil_apart = options.fullscreen && hides && !gpu.has(wgpu::Features::DEPTH32FLOAT_STENCIL8);
     let blends = options.blends.iter().enumerate();
-    let blends = blends.map(|(i, text)| user_blend(i, "blend", text)).collect::<Result<Vec<_>>>()?;
+    let blends = blends.map(|(i, (name, text))| user_blend(i, name, text)).collect::<Result<Vec<_>>>()?;
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     // Counts with samples too: the pieces of a cut triangle are told by their primitive.
     let counts_pieces = request.lists == Lists::Count && request.samples > 1;
@@ -63,7 +64,7 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
 }
 
 /// What is known before anything is drawn.
-pub fn describe(variant: &Variant, request: &Request, stats: &mut Stats) {
+pub fn describe(variant: &Variant, scene: &Scene, request: &Request, stats: &mut Stats) {
     let layout = &variant.layout;
     let samples = request.samples;
     stats.choose(
@@ -75,23 +76,12 @@ pub fn describe(variant: &Variant, request: &Request, stats: &mut Stats) {
             (_, false) => "coverage in the spare bits of depth",
         },
     );
-    stats.choose(
-        "blend",
-        if layout.mixed { "mixed" } else { "all over" },
-        match (layout.mixed, layout.has_order) {
-            (false, _) => "no mode ids",
-            (true, true) => "mode ids beside the primitive",
-            (true, false) => "mode ids in the spare bits of depth",
-        },
-    );
-    let (direction, why) = match (variant.blends.is_empty(), request.blend_order) {
-        (false, _) => ("back to front", "a blend of your own is no affine map"),
-        (true, BlendOrder::BackToFront) => ("back to front", "as asked"),
-        (true, BlendOrder::FrontToBack) => {
-            ("front to back", "every mode is an affine map, and may stop early")
-        }
+    let ids = match (layout.mixed, layout.has_order) {
+        (false, _) => "no mode ids",
+        (true, true) => "mode ids beside the primitive",
+        (true, false) => "mode ids in the spare bits of depth",
     };
-    stats.choose("direction", direction, why);
+    Resolve::of(request, scene).describe(scene, ids, stats);
     let bytes = layout.bytes();
     let holds = match (layout.format, layout.has_order) {
         (NodeFormat::Float32, _) => "nothing is lost",
@@ -101,7 +91,9 @@ pub fn describe(variant: &Variant, request: &Request, stats: &mut Stats) {
     stats.choose("node format", format!("{}, {bytes} bytes", layout.format.name()), holds);
     let storage = match variant.storage {
         Storage::Contiguous => ("contiguous", "counted, scanned, scattered: the pool is exact"),
-        Storage::Linked if variant.subgroups => ("linked", "one atomic addition a subgroup hands out nodes"),
+        Storage::Linked if variant.aggregates() => {
+            ("linked", "one atomic addition a subgroup hands out nodes")
+        }
         Storage::Linked => ("linked", "one atomic addition a fragment hands out nodes"),
     };
     stats.choose("lists", storage.0, storage.1);

@@ -61,7 +61,12 @@ pub fn encode_resolve(
         gpu,
         "classify",
         &layouts.classify,
-        &[(&pool.classes).into(), (&pool.class_pixels).into(), (&pool.arguments).into()],
+        &[
+            (&pool.classes).into(),
+            (&pool.class_pixels).into(),
+            (&pool.arguments).into(),
+            (&pool.counter).into(),
+        ],
     );
     encoder.clear_buffer(&pool.classes, 0, None);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {

@@ -51,6 +51,12 @@ impl Variant {
         self.hides && (self.layout.samples > 1 || !self.early)
     }
 
+    /// Nodes are handed out a subgroup at a time. Not behind a forced depth test: invocations that it kills take part
+    /// in subgroup operations as helpers, whose writes are lost, and nothing tells them from others.
+    pub fn aggregates(&self) -> bool {
+        self.subgroups && (!self.hides || self.compares_depth())
+    }
+
     /// Of the target that opaque geometry writes its depth to, with a stencil if translucent geometry counts there.
     pub fn opaque_format(&self) -> Option<wgpu::TextureFormat> {
         self.hides.then_some(if self.fullscreen && !self.compares_depth() {
@@ -161,7 +167,7 @@ impl Variant {
             BuildStage::Count => files.extend(["build/count", "build/read_none"]),
             BuildStage::Scatter => files.extend(["build/scatter", "build/write"]),
             BuildStage::Link => {
-                let counter = if self.subgroups { "build/counter_subgroup" } else { "build/counter" };
+                let counter = if self.aggregates() { "build/counter_subgroup" } else { "build/counter" };
                 files.extend(["build/linked", "build/write", counter]);
             }
         }
@@ -208,7 +214,10 @@ impl Variant {
         let temp = self.classes[class];
         let mut own = vec!["sort/arrays", self.sort_file(temp), "resolve/classes", "resolve/class"];
         if self.fullscreen {
-            own.push("resolve/fullscreen");
+            own.extend([
+                "resolve/fullscreen",
+                if self.early { "resolve/fullscreen_early" } else { "resolve/fullscreen_late" },
+            ]);
         }
         self.reading(temp, class, &own)
     }

@@ -17,7 +17,7 @@ pub struct Method {
 
 pub static METHODS: &[Method] = &[Method {
     id: "exact",
-    title: "every fragment, sorted, composited with over",
+    title: "every fragment, sorted and composited",
     order: "front_to_back",
     source: "Porter and Duff 1984; Carpenter 1984; Yang et al. 2010",
 }];
