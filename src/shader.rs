@@ -51,6 +51,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "resolve/classes",
     "resolve/classify",
     "resolve/class",
+    "resolve/class_loops",
     "resolve/average",
     "resolve/fullscreen",
     "resolve/fullscreen_early",
@@ -75,13 +76,15 @@ pub static SOURCES: &[(&str, &str)] = sources![
 pub struct Composed {
     pub text: String,
     starts: Vec<(usize, String)>,
+    has_foreign: bool,
 }
 
 impl Composed {
     /// Constants, then files. Files in the folder that `ABUFFER_SHADER_DIR` names replace ours, for trying a
     /// change without building.
     pub fn new(constants: String, files: &[&str]) -> Result<Self> {
-        let mut composed = Self { text: constants, starts: Vec::new() };
+        let foreign = std::env::var_os("ABUFFER_SHADER_DIR").is_some();
+        let mut composed = Self { text: constants, starts: Vec::new(), has_foreign: foreign };
         for file in files {
             let (source, origin) = source(file)?;
             composed.push(&source, origin);
@@ -89,10 +92,15 @@ impl Composed {
         Ok(composed)
     }
 
-    fn push(&mut self, source: &str, origin: String) {
+    pub fn push(&mut self, source: &str, origin: String) {
         self.starts.push((self.text.lines().count(), origin));
         self.text.push_str(source);
         self.text.push('\n');
+    }
+
+    /// All of it is this crate's own, as it was built.
+    pub fn is_trusted(&self) -> bool {
+        !self.has_foreign
     }
 
     /// Where the text came from.
@@ -102,6 +110,7 @@ impl Composed {
 
     /// A user's blends, and what chooses between them.
     pub fn push_blends(&mut self, blends: &[String]) {
+        self.has_foreign |= !blends.is_empty();
         for blend in blends {
             self.push(blend, "blend".into());
         }

@@ -6,12 +6,16 @@
 // Fragments so far: the low word hands out nodes, the high word counts how often it wrapped.
 @group(1) @binding(3) var<storage, read_write> counter: array<atomic<u32>, 2>;
 
+// How many fragments each pixel has: an addition that nothing waits for, where the resolve would walk each list.
+@group(1) @binding(4) var<storage, read_write> pixel_counts: array<atomic<u32>>;
+
 fn keep(f: Fragment, pixel: u32, kept: bool) {
     let node = hand_out(kept);
     // Before the exchange: linking a node that does not exist would lose the rest of the list.
     if !kept || node >= band.capacity {
         return;
     }
+    atomicAdd(&pixel_counts[pixel], 1u);
     write_node(node, f, atomicExchange(&heads[pixel], node + 1u));
 }
 

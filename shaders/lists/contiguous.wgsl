@@ -21,7 +21,6 @@ fn advance(c: ptr<function, Cursor>) {
     (*c).link++;
 }
 
-// At most `most`.
-fn length_of(pixel: u32, most: u32) -> u32 {
-    return min(heads[pixel + 1u] - heads[pixel], most);
+fn length_of(pixel: u32) -> u32 {
+    return heads[pixel + 1u] - heads[pixel];
 }

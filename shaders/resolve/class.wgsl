@@ -1,34 +1,41 @@
 // Resolve (GPU Pro 2, section 2.6): a pixel's list goes into a temporary array of TEMP entries, which is sorted and
-// composited. TEMP is the class's; lists longer than any class take the stages in long.wgsl.
+// composited. TEMP is the class's; lists longer than any class take the stages in long.wgsl. How the array is walked,
+// `gather` and `composite`, is in class_loops.wgsl, or written out for short arrays.
 
 @group(1) @binding(0) var<storage, read_write> classes: Classes;
 @group(1) @binding(1) var<storage, read> class_pixels: array<u32>;
 // One colour a sample, where samples are resolved apart.
 @group(1) @binding(2) var<storage, read_write> sample_colors: array<vec4f>;
 
-// Copies a list. `only`: of which sample, where samples are resolved apart.
-fn gather(pixel: u32, only: u32) -> u32 {
-    var n = 0u;
-    var c = first_of(pixel);
-    for (var i = 0u; i < TEMP && !is_end(c); i++) {
-        let node = node_at(c);
-        advance(&c);
-        // A limit is of the pixel's fragments: then those of other samples count too.
-        if !PER_SAMPLE || LIMIT > 0u || (coverage_of(node) >> only & 1u) == 1u {
-            order[n] = order_of(node);
-            entries[n] = node;
-            n++;
+// One of each sample, or where samples are resolved apart the first alone.
+var<private> states: array<Blend, SAMPLES>;
+
+fn blend_entry(node: u32, only: u32) {
+    let coverage = coverage_of(node);
+    let source = source_of(node);
+    if PER_SAMPLE {
+        if (coverage >> only & 1u) == 1u {
+            var state = states[0];
+            blend_add(&state, source);
+            states[0] = state;
+        }
+        return;
+    }
+    for (var s = 0u; s < SAMPLES; s++) {
+        if SAMPLES == 1u || (coverage >> s & 1u) == 1u {
+            var state = states[s];
+            blend_add(&state, source);
+            states[s] = state;
         }
     }
-    return n;
 }
 
-// Puts the fragments of the greatest primitives first, where a reverse list has them.
-fn put_last_submitted_first(n: u32) {
-    for (var i = 0u; i < n; i++) {
-        order[i] = order[i].yx;
+fn all_done() -> bool {
+    var done = true;
+    for (var s = 0u; s < select(SAMPLES, 1u, PER_SAMPLE); s++) {
+        done &= blend_done(states[s]);
     }
-    sort_entries(n);
+    return done;
 }
 
 // Entries of the first LIMIT fragments of a sorted array. Hardware may cut a triangle into pieces that meet inside a
@@ -49,14 +56,23 @@ fn limited(n: u32, counts_dropped: bool) -> u32 {
     return kept;
 }
 
+// Keeps the fragments of the greatest primitives, where a reverse list has them.
+fn keep_last_submitted(n: u32, counts_dropped: bool) -> u32 {
+    for (var i = 0u; i < n; i++) {
+        order[i] = order[i].yx;
+    }
+    sort_entries(n);
+    let kept = limited(n, counts_dropped);
+    for (var i = 0u; i < kept; i++) {
+        order[i] = order[i].yx;
+    }
+    return kept;
+}
+
 fn resolve_pixel(pixel: u32, only: u32) {
-    var n = gather(pixel, only);
+    var n = gather(pixel);
     if LIMIT > 0u && LIMIT_LAST && n > LIMIT {
-        put_last_submitted_first(n);
-        n = limited(n, only == 0u);
-        for (var i = 0u; i < n; i++) {
-            order[i] = order[i].yx;
-        }
+        n = keep_last_submitted(n, only == 0u);
     }
     sort_entries(n);
     if LIMIT > 0u && !LIMIT_LAST {
@@ -64,40 +80,15 @@ fn resolve_pixel(pixel: u32, only: u32) {
     }
     if PER_SAMPLE {
         let color = behind(pixel, only);
-        var state = blend_begin(color);
-        for (var k = 0u; k < n; k++) {
-            let node = entries[select(k, n - 1u - k, BACK_TO_FRONT)];
-            if LIMIT == 0u || (coverage_of(node) >> only & 1u) == 1u {
-                blend_add(&state, source_of(node));
-                if blend_done(state) {
-                    break;
-                }
-            }
-        }
-        sample_colors[pixel * SAMPLES + only] = blend_end(state, color);
+        states[0] = blend_begin(color);
+        composite(n, only);
+        sample_colors[pixel * SAMPLES + only] = blend_end(states[0], color);
         return;
     }
-    var states: array<Blend, SAMPLES>;
     for (var s = 0u; s < SAMPLES; s++) {
         states[s] = blend_begin(behind(pixel, s));
     }
-    for (var k = 0u; k < n; k++) {
-        let node = entries[select(k, n - 1u - k, BACK_TO_FRONT)];
-        let source = source_of(node);
-        let coverage = coverage_of(node);
-        var done = true;
-        for (var s = 0u; s < SAMPLES; s++) {
-            if (coverage >> s & 1u) == 1u {
-                var state = states[s];
-                blend_add(&state, source);
-                states[s] = state;
-            }
-            done &= blend_done(states[s]);
-        }
-        if done {
-            break;
-        }
-    }
+    composite(n, only);
     var colors: array<vec4f, SAMPLES>;
     for (var s = 0u; s < SAMPLES; s++) {
         colors[s] = blend_end(states[s], behind(pixel, s));

@@ -1,7 +1,7 @@
 // Which resolve a pixel needs: the size of its temporary array, not the work in it, sets the cost of one, so
 // pixels are put into classes by the length of their lists, and each class has a pipeline of its own, dispatched
-// indirectly. Empty pixels are done here. After cs_classify the totals are known, after cs_plan where each class
-// lies in `class_pixels`, and cs_scatter fills it.
+// indirectly. Empty pixels are done here. cs_classify gives each pixel a place in its class, cs_plan the classes
+// theirs in `class_pixels`, and cs_place fills those.
 
 struct Arguments {
     // Workgroups of a class.
@@ -16,8 +16,11 @@ struct Arguments {
 // Nodes that were asked for: where they are more than there were, the lists are not whole and are not resolved.
 @group(1) @binding(3) var<storage, read> counter: array<u32, 2>;
 
+// Each pixel's place in its class.
+@group(1) @binding(4) var<storage, read_write> class_places: array<u32>;
+
 var<workgroup> totals: array<atomic<u32>, CLASS_SLOTS>;
-var<workgroup> bases: array<u32, CLASS_SLOTS>;
+var<workgroup> firsts: array<u32, CLASS_SLOTS>;
 var<workgroup> longest: atomic<u32>;
 
 fn class_of(n: u32) -> u32 {
@@ -31,33 +34,35 @@ fn class_of(n: u32) -> u32 {
 
 @compute @workgroup_size(16, 16)
 fn cs_classify(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local: u32) {
+    let pixel = id.y * band.width + id.x;
+    var n = 0u;
+    var class_index = 0u;
+    var rank = 0u;
     if id.x < band.width && id.y < band.height {
-        let pixel = id.y * band.width + id.x;
-        let n = length_of(pixel, LONGEST_CLASS + 1u);
+        n = length_of(pixel);
         counts[pixel] = n;
         if n == 0u {
             finish_empty(pixel);
         } else {
-            atomicAdd(&totals[class_of(n)], 1u);
-            if n <= LONGEST_CLASS {
-                atomicMax(&longest, n);
-            }
+            class_index = class_of(n);
+            rank = atomicAdd(&totals[class_index], 1u);
+            atomicMax(&longest, n);
         }
     }
     workgroupBarrier(); // the workgroup's totals are complete
-    if local == 0u {
-        var filled = 0u;
-        for (var c = 0u; c <= CLASS_COUNT; c++) {
-            let total = atomicLoad(&totals[c]);
-            filled += total;
-            if total > 0u {
-                atomicAdd(&classes.totals[c], total);
-            }
+    if local <= CLASS_COUNT {
+        let total = atomicLoad(&totals[local]);
+        if total > 0u {
+            firsts[local] = atomicAdd(&classes.totals[local], total);
         }
-        if filled > 0u {
-            atomicAdd(&classes.filled_tiles, 1u);
-            atomicMax(&classes.longest, atomicLoad(&longest));
-        }
+    }
+    if local == 0u && atomicLoad(&longest) > 0u {
+        atomicAdd(&classes.filled_tiles, 1u);
+        atomicMax(&classes.longest, atomicLoad(&longest));
+    }
+    workgroupBarrier(); // and its places in each class are known
+    if n > 0u {
+        class_places[pixel] = firsts[class_index] + rank;
     }
 }
 
@@ -68,7 +73,6 @@ fn cs_plan() {
     for (var c = 0u; c <= CLASS_COUNT; c++) {
         let total = atomicLoad(&classes.totals[c]);
         classes.bases[c] = base;
-        atomicStore(&classes.cursors[c], base);
         base += total;
         let groups = select(0u, (total * INVOCATIONS_PER_PIXEL + 63u) / 64u, whole);
         let x = min(groups, 65535u); // one dimension ends there
@@ -78,27 +82,12 @@ fn cs_plan() {
 }
 
 @compute @workgroup_size(16, 16)
-fn cs_scatter(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local: u32) {
-    var n = 0u;
-    var rank = 0u;
-    var class_index = 0u;
-    let pixel = id.y * band.width + id.x;
+fn cs_place(@builtin(global_invocation_id) id: vec3u) {
     if id.x < band.width && id.y < band.height {
-        n = counts[pixel];
+        let pixel = id.y * band.width + id.x;
+        let n = counts[pixel];
         if n > 0u {
-            class_index = class_of(n);
-            rank = atomicAdd(&totals[class_index], 1u);
+            class_pixels[classes.bases[class_of(n)] + class_places[pixel]] = pixel;
         }
-    }
-    workgroupBarrier(); // ranks are handed out
-    if local <= CLASS_COUNT {
-        let total = atomicLoad(&totals[local]);
-        if total > 0u {
-            bases[local] = atomicAdd(&classes.cursors[local], total);
-        }
-    }
-    workgroupBarrier(); // and their bases known
-    if n > 0u {
-        class_pixels[bases[class_index] + rank] = pixel;
     }
 }

@@ -64,28 +64,7 @@ fn cs_begin(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
         return;
     }
     let pixel = class_pixels[current.first_pixel + i];
-    long[i] = LongPixel(pixel, 0u, 0u, 0u, first_of(pixel).link, 0u);
-}
-
-// Counts a list's nodes.
-@compute @workgroup_size(64)
-fn cs_count(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = flat_index(id, groups);
-    if i >= current.long_count {
-        return;
-    }
-    var c = first_of(long[i].pixel);
-    c.link = long[i].link;
-    var count = long[i].count;
-    for (var trips = band.trip_budget; trips > 0u && !is_end(c); trips--) {
-        advance(&c);
-        count++;
-    }
-    long[i].link = c.link;
-    long[i].count = count;
-    if !is_end(c) {
-        atomicStore(&unfinished, 1u);
-    }
+    long[i] = LongPixel(pixel, 0u, counts[pixel], 0u, 0u, 0u);
 }
 
 // Copies a list's nodes to scratch, and fills its last chunk with NONE.
@@ -245,5 +224,4 @@ fn cs_finish(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
         colors[s] = blend_end(blend_load(long_samples[i * SAMPLES + s].saved), behind(pixel, s));
     }
     finish(pixel, &colors);
-    counts[pixel] = long[i].count;
 }

@@ -27,18 +27,22 @@ fn source_of(node: u32) -> Source {
 
 // Straight RGBA behind a sample's fragments. pixel: of the band.
 fn behind(pixel: u32, s: u32) -> vec4f {
-    let at = vec2u(pixel % band.width + band.x0, pixel / band.width + band.y0);
     if HIDES {
         // Opaque surfaces have alpha 1, and elsewhere the target is cleared to 0.
-        let color = opaque_at(at, s);
+        let color = opaque_at(place_of(pixel), s);
         if color.a == 1.0 {
             return color;
         }
     }
     if view.background_texture == 1u {
-        return textureLoad(background_image, at, 0);
+        return textureLoad(background_image, place_of(pixel), 0);
     }
     return view.background;
+}
+
+// Where a pixel of the band is in the image.
+fn place_of(pixel: u32) -> vec2u {
+    return vec2u(pixel % band.width + band.x0, pixel / band.width + band.y0);
 }
 
 fn weight_of(color: vec4f) -> f32 {

@@ -6,11 +6,11 @@ var<private> entries: array<u32, TEMP>;
 fn exchange(i: u32, j: u32) {
     let a = order[i];
     let b = order[j];
-    if in_front(b, a) {
-        order[i] = b;
-        order[j] = a;
-        let entry = entries[i];
-        entries[i] = entries[j];
-        entries[j] = entry;
-    }
+    let swaps = in_front(b, a);
+    order[i] = select(a, b, swaps);
+    order[j] = select(b, a, swaps);
+    let p = entries[i];
+    let q = entries[j];
+    entries[i] = select(p, q, swaps);
+    entries[j] = select(q, p, swaps);
 }

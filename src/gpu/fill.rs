@@ -41,13 +41,21 @@ impl Frame<'_> {
         let band = self.band(pool, rect);
         self.gpu.checked("building the lists", || {
             // Cleared here, at the start, never by the resolve: a frame must not depend on the one before it.
-            encoder.clear_buffer(&pool.heads, 0, Some(4 * rect.pixels()));
+            for buffer in [&pool.heads, &pool.counts] {
+                encoder.clear_buffer(buffer, 0, Some(4 * rect.pixels()));
+            }
             encoder.clear_buffer(&pool.counter, 0, None);
             let group = bind(
                 self.gpu,
                 "link",
                 &self.pipelines.layouts.link,
-                &[(&band).into(), (&pool.heads).into(), (&pool.nodes).into(), (&pool.counter).into()],
+                &[
+                    (&band).into(),
+                    (&pool.heads).into(),
+                    (&pool.nodes).into(),
+                    (&pool.counter).into(),
+                    (&pool.counts).into(),
+                ],
             );
             self.encode_build(&mut encoder, BuildStage::Link, &group, rect, &timing)
         })?;

@@ -1,4 +1,4 @@
-//! Lists longer than the resolve's temporary array: counted, copied to scratch, sorted and composited by
+//! Lists longer than the resolve's temporary array: copied to scratch, sorted and composited by
 //! dispatches of bounded length (see resolve/long.wgsl).
 
 use wgpu::BufferUsages;
@@ -16,32 +16,24 @@ use crate::shader::CHUNK;
 /// Invocations of a workgroup in all of these stages.
 const WORKGROUP: u32 = 64;
 
-/// What is known of long lists once they are counted.
-pub struct Found {
-    pub longest: u32,
-    /// Fragments beyond the limit.
-    pub dropped: u64,
-}
-
-/// Resolves the pixels that the classes left over: so many of `class_pixels`, from the first on.
+/// Resolves the pixels that the classes left over: so many of `class_pixels`, from the first on. Returns how many
+/// fragments are beyond the limit.
 pub fn resolve(
     frame: &Frame,
     pool: &Pool,
     read_group: &wgpu::BindGroup,
     (first_pixel, long_count): (u32, u32),
     stats: &mut Stats,
-) -> Result<Found> {
+) -> Result<u64> {
     let blank = vec![bytemuck::Zeroable::zeroed(); long_count as usize];
-    let counting = Sorter::new(frame, pool, read_group, &blank, first_pixel, 0)?;
-    counting.submit(&[Dispatch::new(&counting.stages.begin, long_count)], stats)?;
-    counting.until_finished(Dispatch::new(&counting.stages.count, long_count), stats)?;
-    let mut pixels = counting.read_pixels()?;
+    let finding = Sorter::new(frame, pool, read_group, &blank, first_pixel, 0)?;
+    finding.submit(&[Dispatch::new(&finding.stages.begin, long_count)], stats)?;
+    let mut pixels = finding.read_pixels()?;
     let limit = frame.pipelines.variant.limit.map_or(u32::MAX, |(n, _)| n);
-    let mut found = Found { longest: 0, dropped: 0 };
+    let mut dropped = 0;
     for pixel in &mut pixels {
         pixel.kept = pixel.count.min(limit);
-        found.longest = found.longest.max(pixel.count);
-        found.dropped += u64::from(pixel.count - pixel.kept);
+        dropped += u64::from(pixel.count - pixel.kept);
     }
     // Longest first, so that a batch holds lists of like length and needs few rounds.
     pixels.sort_unstable_by_key(|p| std::cmp::Reverse((p.count, p.pixel)));
@@ -73,7 +65,7 @@ pub fn resolve(
         stats.raise("scratch", 8 * entries + size_of_val(batch) as u64);
         Sorter::new(frame, pool, read_group, batch, first_pixel, entries as u32)?.run(stats)?;
     }
-    Ok(found)
+    Ok(dropped)
 }
 
 /// One dispatch of a stage.

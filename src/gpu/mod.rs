@@ -18,6 +18,7 @@ mod scan;
 mod targets;
 mod timing;
 mod uniforms;
+mod unrolled;
 mod variant;
 
 pub use linked_list::render;

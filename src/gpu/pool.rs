@@ -64,6 +64,8 @@ pub struct Pool {
     pub classes: wgpu::Buffer,
     /// Pixels, class after class.
     pub class_pixels: wgpu::Buffer,
+    /// Each pixel's place in its class.
+    pub class_places: wgpu::Buffer,
     pub arguments: wgpu::Buffer,
     pub sample_colors: wgpu::Buffer,
     pub pixels: u64,
@@ -74,7 +76,7 @@ pub struct Pool {
 
 /// Words of `Classes` in resolve/classify.wgsl.
 pub fn class_words(variant: &Variant) -> u64 {
-    3 * (variant.classes.len() as u64 + 1) + 3
+    2 * (variant.classes.len() as u64 + 1) + 3
 }
 
 /// Colours a pixel that a band returns.
@@ -98,6 +100,7 @@ impl Pool {
                 counts: storage(gpu, "counts", 4 * pixels),
                 classes: storage(gpu, "classes", 4 * class_words(variant)),
                 class_pixels: storage(gpu, "class pixels", 4 * pixels),
+                class_places: storage(gpu, "class places", 4 * pixels),
                 arguments: indirect(gpu, "arguments", (12 + 16) * slots),
                 sample_colors: storage(gpu, "sample colours", apart * pixels),
                 pixels,
@@ -125,7 +128,7 @@ impl Pool {
         [
             ("nodes", self.node_bytes * self.capacity),
             ("heads", self.pixel_bytes * self.pixels),
-            ("classes", 4 * self.pixels + self.classes.size() + self.arguments.size()),
+            ("classes", 8 * self.pixels + self.classes.size() + self.arguments.size()),
         ]
     }
 }

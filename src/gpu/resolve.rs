@@ -66,6 +66,7 @@ pub fn encode_resolve(
             (&pool.class_pixels).into(),
             (&pool.arguments).into(),
             (&pool.counter).into(),
+            (&pool.class_places).into(),
         ],
     );
     encoder.clear_buffer(&pool.classes, 0, None);
@@ -76,7 +77,7 @@ pub fn encode_resolve(
     pass.set_bind_group(0, read_group, &[]);
     pass.set_bind_group(1, &group, &[]);
     for (pipeline, (x, y)) in
-        [(&classify.classify, (x, y)), (&classify.plan, (1, 1)), (&classify.scatter, (x, y))]
+        [(&classify.classify, (x, y)), (&classify.plan, (1, 1)), (&classify.place, (x, y))]
     {
         pass.set_pipeline(pipeline);
         pass.dispatch_workgroups(x, y, 1);
@@ -141,7 +142,7 @@ pub fn finish_resolve(
     stats: &mut Stats,
 ) -> Result<Outcome> {
     let slots = frame.pipelines.variant.classes.len() + 1;
-    let [longest, filled_tiles, dropped, ..] = words[3 * slots..] else {
+    let [longest, filled_tiles, dropped, ..] = words[2 * slots..] else {
         return Err(crate::error::Error::Device("the classes were not read back whole".into()));
     };
     let mut outcome = Outcome {
@@ -153,9 +154,7 @@ pub fn finish_resolve(
     };
     let (long_count, first_pixel) = (words[slots - 1], words[2 * slots - 1]);
     if long_count > 0 {
-        let found = long::resolve(frame, pool, read_group, (first_pixel, long_count), stats)?;
-        outcome.longest = found.longest;
-        outcome.dropped += found.dropped;
+        outcome.dropped += long::resolve(frame, pool, read_group, (first_pixel, long_count), stats)?;
         outcome.had_long_lists = true;
     }
     Ok(outcome)

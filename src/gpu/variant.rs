@@ -5,11 +5,15 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use super::pipelines::DEPTH_FORMAT;
+use super::unrolled;
 use crate::error::Result;
 use crate::frame::{BlendOrder, LimitPolicy, MsaaResolve, Sort, Storage};
 use crate::node_format::NodeLayout;
 use crate::samples::{full, pattern};
 use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
+
+/// Classes up to here are sorted by networks in registers, unless a sort is asked for.
+const LONGEST_UNROLLED: u32 = 16;
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Variant {
@@ -212,25 +216,33 @@ impl Variant {
 
     pub fn class(&self, class: usize) -> Result<Composed> {
         let temp = self.classes[class];
-        let mut own = vec!["sort/arrays", self.sort_file(temp), "resolve/classes", "resolve/class"];
+        let unrolled = self.sort == Sort::Auto && self.limit.is_none() && temp <= LONGEST_UNROLLED;
+        let mut own = vec!["sort/arrays", "resolve/classes", "resolve/class"];
+        if !unrolled {
+            own.extend([self.sort_file(), "resolve/class_loops"]);
+        }
         if self.fullscreen {
             own.extend([
                 "resolve/fullscreen",
                 if self.early { "resolve/fullscreen_early" } else { "resolve/fullscreen_late" },
             ]);
         }
-        self.reading(temp, class, &own)
+        let mut composed = self.reading(temp, class, &own)?;
+        if unrolled {
+            composed.push(&unrolled::text(temp, self.back_to_front()), "unrolled".into());
+        }
+        Ok(composed)
     }
 
     pub fn long(&self) -> Result<Composed> {
-        self.reading(CHUNK, 0, &["sort/arrays", self.sort_file(CHUNK), "resolve/long"])
+        self.reading(CHUNK, 0, &["sort/arrays", self.sort_file(), "resolve/long"])
     }
 
     pub fn scan(&self) -> Result<Composed> {
         Composed::new(self.prelude(1, 0), &["scan"])
     }
 
-    fn sort_file(&self, _temp: u32) -> &'static str {
+    fn sort_file(&self) -> &'static str {
         match self.sort {
             Sort::Auto | Sort::Insertion => "sort/insertion",
             Sort::Selection => "sort/selection",
@@ -300,7 +312,14 @@ pub mod tests {
             }
         }
         for sort in [Sort::Insertion, Sort::Selection, Sort::Bitonic, Sort::Merge, Sort::Heap] {
-            all.push(Variant { sort, storage: Storage::Contiguous, early: false, hides: true, ..plain() });
+            all.push(Variant {
+                sort,
+                storage: Storage::Contiguous,
+                early: false,
+                hides: true,
+                fullscreen: true,
+                ..plain()
+            });
         }
         let many = NodeLayout::new(NodeFormat::Float32, 4, true, false);
         for msaa in [MsaaResolve::PerSample, MsaaResolve::Hdr, MsaaResolve::None] {
