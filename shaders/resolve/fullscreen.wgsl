@@ -7,7 +7,12 @@ fn vs_resolve(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
-fn resolve_at(position: vec4f) {
+// `mask`: covered samples. Hardware may cut the triangle where the screen ends, into pieces that meet inside pixels:
+// the one that covers the first sample resolves.
+fn resolve_at(position: vec4f, mask: u32) {
+    if (mask & 1u) == 0u {
+        return;
+    }
     let at = vec2u(position.xy) - vec2u(band.x0, band.y0);
     if at.x >= band.width || at.y >= band.height {
         return;

@@ -16,6 +16,9 @@ struct LongPixel {
     // State of a walk: the next link, and how many entries are written.
     link: u32,
     written: u32,
+    // State of a limit: entries looked at, and fragments among them.
+    scanned: u32,
+    fragments: u32,
 }
 
 // State of the composite of one sample: how many entries are in it, and what blending keeps.
@@ -64,7 +67,7 @@ fn cs_begin(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
         return;
     }
     let pixel = class_pixels[current.first_pixel + i];
-    long[i] = LongPixel(pixel, 0u, counts[pixel], 0u, 0u, 0u);
+    long[i] = LongPixel(pixel, 0u, counts[pixel], 0u, 0u, 0u, 0u, 0u);
 }
 
 // Copies a list's nodes to scratch, and fills its last chunk with NONE.
@@ -104,6 +107,38 @@ fn order_of_entry(entry: u32) -> vec2u {
     }
     let own = order_of(entry);
     return select(own, own.yx, current.by_order == 1u);
+}
+
+// How many entries the first LIMIT fragments are, of sorted lists: pieces of one triangle have one key and order, and
+// are one fragment.
+@compute @workgroup_size(64)
+fn cs_limit(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = flat_index(id, groups);
+    if i >= current.long_count {
+        return;
+    }
+    let first = long[i].first;
+    let count = long[i].count;
+    var k = long[i].scanned;
+    var fragments = long[i].fragments;
+    var kept = select(long[i].kept, count, k == 0u);
+    for (var trips = band.trip_budget; trips > 0u && k < count; trips--) {
+        var is_piece = false;
+        if k > 0u {
+            is_piece = all(order_of(from_entries[first + k]) == order_of(from_entries[first + k - 1u]));
+        }
+        fragments += u32(!is_piece);
+        if fragments > LIMIT {
+            kept = min(kept, k);
+        }
+        k++;
+    }
+    long[i].scanned = k;
+    long[i].fragments = fragments;
+    long[i].kept = kept;
+    if k < count {
+        atomicStore(&unfinished, 1u);
+    }
 }
 
 // Drops what is beyond the limit, now that the last submitted come first; the rest is sorted anew.

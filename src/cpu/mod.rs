@@ -115,6 +115,11 @@ fn render_listed<T: Real, L: Listed<T>>(
     stats.fragments = targets.iter().map(|t| t.fragments).sum();
     stats.dropped_fragments = targets.iter().map(|t| t.dropped).sum();
     stats.max_depth_complexity = targets.iter().map(|t| t.deepest).max();
+    stats.choose(
+        "rectangle",
+        setup.describe_box(width, height),
+        "where geometry lands; elsewhere is background",
+    );
     let filled = targets.iter().filter(|t| t.fragments > 0).count();
     let tiles = format!("{filled} of {} hold translucent geometry", targets.len());
     stats.choose("tiles", tiles, format!("{TILE}×{TILE} pixels each"));

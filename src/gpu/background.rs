@@ -1,4 +1,4 @@
-//! What shows where nothing is listed: outside the rectangle of all geometry, and behind the lists.
+//! What shows where nothing is listed: outside the rectangle that lists are made for, and behind them.
 
 use rayon::prelude::*;
 
@@ -8,16 +8,15 @@ use super::pool::{Budget, Pool, Rect};
 use super::targets::place;
 use super::timing::Timing;
 use crate::error::Result;
-use crate::fragments::Background;
 use crate::frame::{BlendOrder, Output, Request, allocate};
 use crate::resolve::{Fragment, Resolve};
 use crate::threads::threads;
 
-/// Writes the image and counts outside `rect`, where there is no geometry at all.
+/// Writes the image and counts outside `rect`, where nothing is listed. `behind`: straight, of a pixel's sample.
 pub fn fill_outside(
     output: &mut Output<f32>,
     request: &Request,
-    background: &Background<f32>,
+    behind: impl Fn(usize, usize) -> [f32; 4] + Sync,
     rect: Option<Rect>,
 ) -> Result<()> {
     let (width, each) = (request.width as usize, request.image_samples());
@@ -37,8 +36,7 @@ pub fn fill_outside(
     threads()?.install(|| {
         output.image.par_chunks_mut(width * each).enumerate().for_each(|(y, row)| {
             for (x, colors) in row.chunks_exact_mut(each).enumerate().filter(|(x, _)| !inside(*x, y)) {
-                let behind = background.at(y * width + x);
-                resolve.pixel(0, none, |_| behind, |s, rgba| colors[s] = rgba);
+                resolve.pixel(0, none, |s| behind(y * width + x, s), |s, rgba| colors[s] = rgba);
             }
         });
     });

@@ -62,8 +62,19 @@ pub fn render(
         fragments: None,
         stats,
     };
-    background::fill_outside(&mut output, request, &background, rect)?;
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
+    // Where nothing is listed opaque surfaces are all that shows; lists are composited over them again.
+    let behind = (variant.hides && (wants_lists || rect.is_none()))
+        .then(|| background::read(&frame, &budget, request))
+        .transpose()?;
+    match &behind {
+        Some(colors) if rect.is_none() => {
+            let samples = request.samples as usize;
+            background::fill_outside(&mut output, request, |pixel, s| colors[pixel * samples + s], rect)?;
+        }
+        _ => background::fill_outside(&mut output, request, |pixel, _| background.at(pixel), rect)?,
+    }
+    output.background = behind.filter(|_| wants_lists);
     // The device counts the pieces of a cut triangle apart: then it takes the lists to count.
     let pieces = request.samples > 1 && frame.geometry.found.listed.is_cut;
     let reader = (wants_lists || (pieces && request.lists == Lists::Count)).then_some(Reader {
@@ -134,9 +145,6 @@ pub fn render(
         }
         output.fragments = wants_lists.then_some(lists);
         output.stats.stage("lists", clock);
-        if variant.hides && wants_lists {
-            output.background = Some(background::read(&frame, &budget, request)?);
-        }
     }
     let bytes = &mut output.stats.bytes;
     bytes.push(("geometry", frame.geometry.bytes));
@@ -153,7 +161,7 @@ fn recount(lists: &Fragments<f32>, output: &mut Output<f32>) {
     output.counts = Some(counts);
 }
 
-/// Brings the scene to the device. Also gives the codes of depths, and the rectangle that there is anything in.
+/// Brings the scene to the device. Also gives the codes of depths, and the rectangle that lists are made for.
 fn upload<'g>(
     gpu: &'g Gpu,
     variant: &Variant,
@@ -184,11 +192,10 @@ fn upload<'g>(
         (uniform.code_origin, uniform.code_scale, uniform.code_step) =
             (codes.origin, codes.scale, codes.step);
         gpu.queue.write_buffer(&view, 0, bytemuck::bytes_of(&uniform));
-        let rect = [found.listed, found.hiding]
-            .iter()
-            .filter_map(|extent| extent.rect(width, height))
-            .reduce(Rect::union)
-            .map(|rect| aligned(rect, width, height));
+        // What hides is resolved along with lists, if there are any.
+        let hiding = found.hiding.rect(width, height);
+        let rect = (found.listed.rect(width, height))
+            .map(|listed| aligned(hiding.map_or(listed, |r| r.union(listed)), width, height));
         Ok((
             Frame {
                 gpu,

@@ -94,35 +94,50 @@ impl Reader<'_> {
     pub fn assemble(&self, bands: Vec<BandLists>, width: u32, height: u32) -> Result<Fragments<f32>> {
         let mut counts = vec![0; width as usize * height as usize];
         let start = |rect: &Rect, row: usize| (rect.y0 as usize + row) * width as usize + rect.x0 as usize;
+        let mut rows: Vec<(usize, &RowLists)> = Vec::new();
         for band in &bands {
             for (i, row) in band.rows.iter().enumerate() {
                 let at = start(&band.rect, i);
                 counts[at..at + row.counts.len()].copy_from_slice(&row.counts);
+                rows.push((at, row));
             }
         }
         let extras = Extras { coverage: self.layout.samples > 1, blend: self.layout.mixed };
         let mut all = Fragments::<f32>::with_counts(&counts, extras).ok_or_else(|| {
             out_of_memory("fragment lists", counts.iter().map(|&n| n as u64).sum::<u64>() * 28)
         })?;
-        for band in bands {
-            for (i, row) in band.rows.into_iter().enumerate() {
-                let first = all.offsets[start(&band.rect, i)] as usize;
-                for (at, f) in (first..).zip(row.fragments) {
-                    all.key[at] = f.key;
-                    all.depth[at] = depth_of_key(f.key, self.codes.perspective);
-                    all.color[at] = f.color;
-                    all.primitive[at] = f.primitive;
-                    if let Some(coverage) = &mut all.coverage {
-                        coverage[at] = f.coverage;
-                    }
-                    if let Some(blend) = &mut all.blend {
-                        blend[at] = f.mode;
-                    }
-                }
+        // In the order of their pixels each row's fragments are the next part of every array.
+        rows.sort_unstable_by_key(|(at, _)| *at);
+        let rows: Vec<&[Decoded]> = rows.iter().map(|(_, row)| row.fragments.as_slice()).collect();
+        let perspective = self.codes.perspective;
+        threads()?.install(|| {
+            fill(&mut all.key, &rows, |f| f.key);
+            fill(&mut all.depth, &rows, |f| depth_of_key(f.key, perspective));
+            fill(&mut all.color, &rows, |f| f.color);
+            fill(&mut all.primitive, &rows, |f| f.primitive);
+            if let Some(coverage) = &mut all.coverage {
+                fill(coverage, &rows, |f| f.coverage);
             }
-        }
+            if let Some(blend) = &mut all.blend {
+                fill(blend, &rows, |f| f.mode);
+            }
+        });
         Ok(all)
     }
+}
+
+/// Writes one value of every fragment, row after row.
+fn fill<V: Send>(array: &mut [V], rows: &[&[Decoded]], value: impl Fn(&Decoded) -> V + Sync) {
+    let mut rest = array;
+    let mut parts = Vec::with_capacity(rows.len());
+    for row in rows {
+        let (part, tail) = std::mem::take(&mut rest).split_at_mut(row.len());
+        parts.push(part);
+        rest = tail;
+    }
+    parts.into_par_iter().zip(rows).for_each(|(part, row)| {
+        part.iter_mut().zip(*row).for_each(|(slot, fragment)| *slot = value(fragment));
+    });
 }
 
 /// Hardware may cut a triangle into pieces that meet inside a pixel: they share key and order, and each has some of

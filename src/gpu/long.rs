@@ -29,12 +29,8 @@ pub fn resolve(
     let finding = Sorter::new(frame, pool, read_group, &blank, first_pixel, 0)?;
     finding.submit(&[Dispatch::new(&finding.stages.begin, long_count)], stats)?;
     let mut pixels = finding.read_pixels()?;
-    let limit = frame.pipelines.variant.limit.map_or(u32::MAX, |(n, _)| n);
+    pixels.iter_mut().for_each(|pixel| pixel.kept = pixel.count); // a limit finds less
     let mut dropped = 0;
-    for pixel in &mut pixels {
-        pixel.kept = pixel.count.min(limit);
-        dropped += u64::from(pixel.count - pixel.kept);
-    }
     // Longest first, so that a batch holds lists of like length and needs few rounds.
     pixels.sort_unstable_by_key(|p| std::cmp::Reverse((p.count, p.pixel)));
     let scratch = frame.scratch;
@@ -63,7 +59,7 @@ pub fn resolve(
         let (batch, later) = std::mem::take(&mut rest).split_at_mut(fitting);
         rest = later;
         stats.raise("scratch", 8 * entries + size_of_val(batch) as u64);
-        Sorter::new(frame, pool, read_group, batch, first_pixel, entries as u32)?.run(stats)?;
+        Sorter::new(frame, pool, read_group, batch, first_pixel, entries as u32)?.run(&mut dropped, stats)?;
     }
     Ok(dropped)
 }
@@ -141,22 +137,28 @@ impl<'a> Sorter<'a> {
         })
     }
 
-    /// Gathers, sorts and composites the batch.
-    fn run(&self, stats: &mut Stats) -> Result<()> {
+    /// Gathers, sorts and composites the batch. `dropped` rises by the fragments beyond the limit.
+    fn run(&self, dropped: &mut u64, stats: &mut Stats) -> Result<()> {
         let (stages, variant) = (self.stages, &self.frame.pipelines.variant);
-        // Walks start at the head again.
-        self.until_finished(Dispatch::new(&stages.gather, self.long_count), stats)?;
+        let each_pixel = |pipeline, source| Dispatch { source, ..Dispatch::new(pipeline, self.long_count) };
+        self.until_finished(each_pixel(&stages.gather, 0), stats)?;
+        let by_order = matches!(variant.limit, Some((_, LimitPolicy::LastSubmitted)));
         let mut rounds = Vec::new();
-        let mut source = 0;
-        if matches!(variant.limit, Some((_, LimitPolicy::LastSubmitted))) {
-            source = self.sort(&mut rounds, source, true);
-            rounds.push(Dispatch { source, ..Dispatch::new(&stages.truncate, self.chunk_count) });
-        }
-        source = self.sort(&mut rounds, source, false);
+        let mut source = self.sort(&mut rounds, 0, by_order);
         self.submit(&rounds, stats)?;
+        if let Some((limit, _)) = variant.limit {
+            self.until_finished(each_pixel(&stages.limit, source), stats)?;
+            let beyond = |pixel: &LongPixel| u64::from(pixel.fragments.saturating_sub(limit));
+            *dropped += self.read_pixels()?.iter().map(beyond).sum::<u64>();
+        }
+        if by_order {
+            let mut rounds = vec![Dispatch { source, ..Dispatch::new(&stages.truncate, self.chunk_count) }];
+            source = self.sort(&mut rounds, source, false);
+            self.submit(&rounds, stats)?;
+        }
         let composite = Dispatch::new(&stages.composite, self.long_count * variant.layout.samples);
         self.until_finished(Dispatch { source, ..composite }, stats)?;
-        self.submit(&[Dispatch::new(&stages.finish, self.long_count)], stats).map(|_| ())
+        self.submit(&[each_pixel(&stages.finish, 0)], stats).map(|_| ())
     }
 
     /// The rounds that sort what is in one of the buffers of entries. Returns in which it ends up.

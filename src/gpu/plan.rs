@@ -115,7 +115,7 @@ pub fn describe(variant: &Variant, scene: &Scene, request: &Request, stats: &mut
 /// Where there is anything to do.
 pub fn describe_rect(rect: Option<Rect>, request: &Request, stats: &mut Stats) {
     let (choice, why) = match rect {
-        None => ("none".into(), "nothing is in view: background alone"),
+        None => ("none".into(), "nothing translucent is in view"),
         Some(r) if (r.w, r.h) == (request.width, request.height) => {
             (format!("0..{} × 0..{}", r.w, r.h), "the whole image")
         }

@@ -59,6 +59,8 @@ pub struct LongPixel {
     pub kept: u32,
     pub link: u32,
     pub written: u32,
+    pub scanned: u32,
+    pub fragments: u32,
 }
 
 #[repr(C)]
@@ -135,7 +137,7 @@ mod tests {
         same!(&long, Band { x0, y0, width, height, capacity, trip_budget, pad });
         same!(&opaque, Batch { first_primitive, colors_per_triangle, pad });
         same!(&opaque, MeshState { alpha_cutoff, is_opaque, cull, blend });
-        same!(&long, LongPixel { pixel, first, count, kept, link, written });
+        same!(&long, LongPixel { pixel, first, count, kept, link, written, scanned, fragments });
         same!(&long, Round { width, long_count, chunk_count, first_pixel, by_order, pad0, pad1, pad2 });
         let (size, members) = wgsl(&long, "LongSample");
         assert_eq!(size, size_of::<LongSample>());
