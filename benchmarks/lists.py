@@ -23,7 +23,7 @@ CLASSES = (1, 4, 8, 16, 32, 64)
 # How far a format moves a colour, and how many codes a depth has (None: nothing is lost).
 FORMATS = {
     "float32": (0, None),
-    "rgba8_depth32": (1 / 510, None),
+    "rgba8_depth32": (1 / 510, 2**23),  # float32 depths tie too, and then go by colour
     "rgba8_depth24_coverage8": (1 / 510, 2**24),
     "rgb565_depth16": (1 / 62, 2**16),
     "rgb9e5_alpha8_depth24": (1 / 510, 2**24),

@@ -24,7 +24,7 @@ AWAKE_SECONDS = 0.1
 # Sums of the stages that a render reports: GPU time.
 CLASSES = ("resolve ", "average", "long lists")
 SUMS = {
-    "fill": lambda stage: stage in ("build", "count", "scan", "scatter"),
+    "fill": lambda stage: stage in ("build", "append", "count", "scan", "scatter", "gather"),
     "resolve": lambda stage: stage.startswith(("classify", *CLASSES)),
     "classify": lambda stage: stage == "classify",
     "classes": lambda stage: stage.startswith(CLASSES),

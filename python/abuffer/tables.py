@@ -32,7 +32,7 @@ PIPELINES = Table(
         "linked_list": {"runs on": "gpu", "how": "hardware rasteriser, a linked list of fragments for each pixel"},
         "prefix_sum": {
             "runs on": "gpu",
-            "how": "hardware rasteriser twice: count, scan, scatter; each pixel's fragments contiguous",
+            "how": "hardware rasteriser, count, scan, scatter: each pixel's fragments side by side",
         },
     }
 )

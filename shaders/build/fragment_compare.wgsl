@@ -2,8 +2,7 @@
 
 @group(2) @binding(0) var opaque_depth: texture_depth_2d;
 
-@fragment
-fn fs_build(v: Varyings, @builtin(sample_mask) mask: u32) {
+fn enter(v: Varyings, mask: u32) {
     let visible = v.position.z >= textureLoad(opaque_depth, vec2u(v.position.xy), 0);
     store(v, select(0u, mask, visible));
 }

@@ -7,8 +7,7 @@
 // this much behind counts as equal, and a fragment at the opaque depth is kept.
 const SLACK = 1.0 / 4194304.0; // 2⁻²²
 
-@fragment
-fn fs_build(v: Varyings, @builtin(sample_mask) mask: u32) {
+fn enter(v: Varyings, mask: u32) {
     var visible = mask;
     for (var s = 0u; s < SAMPLES; s++) {
         let own = window_depth(value_at(v, sample_position(v, s)));

@@ -1,7 +1,7 @@
 //! Adapters and devices: found once, made lazily, kept for the process.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pollster::block_on;
@@ -42,8 +42,8 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     lost: Arc<Mutex<Option<String>>>,
-    /// Nodes a pixel that the last render of linked lists had, for the next one's first pool.
-    nodes_per_pixel: AtomicU64,
+    /// Pixels and triangles of the last render with lists, and its nodes: the next one may be like it.
+    last_nodes: Mutex<(u64, usize, u64)>,
     /// One render at a time: interleaved ones would hold twice the memory and gain nothing.
     busy: Mutex<()>,
 }
@@ -217,7 +217,7 @@ impl Gpu {
             limits,
             pipelines: Mutex::new(HashMap::new()),
             lost,
-            nodes_per_pixel: AtomicU64::new(4),
+            last_nodes: Mutex::new((0, 0, 0)),
             busy: Mutex::new(()),
         })
     }
@@ -270,13 +270,16 @@ impl Gpu {
         made
     }
 
-    /// Nodes to begin with. Too few, and a pass is done twice; too many is only memory.
-    pub fn nodes_guess(&self, pixels: u64) -> u64 {
-        (pixels * self.nodes_per_pixel.load(Ordering::Relaxed)).max(4096)
+    /// Nodes to begin with: four a pixel, or what a render of as many triangles and pixels had last. Too few, and a
+    /// pass is done twice.
+    pub fn nodes_guess(&self, pixels: u64, triangles: usize) -> u64 {
+        let guess = (4 * pixels).max(4096);
+        let last = *self.last_nodes.lock().unwrap_or_else(PoisonError::into_inner);
+        if (last.0, last.1) == (pixels, triangles) { guess.max(last.2 + last.2 / 16) } else { guess }
     }
 
-    pub fn remember_nodes(&self, nodes: u64, pixels: u64) {
-        self.nodes_per_pixel.store(nodes.div_ceil(pixels.max(1)).max(4), Ordering::Relaxed);
+    pub fn remember_nodes(&self, pixels: u64, triangles: usize, nodes: u64) {
+        *self.last_nodes.lock().unwrap_or_else(PoisonError::into_inner) = (pixels, triangles, nodes);
     }
 
     pub fn has(&self, feature: wgpu::Features) -> bool {

@@ -1,6 +1,6 @@
-//! Filling the lists of one rectangle, in either storage, and resolving them.
+//! Filling the lists of one rectangle, linked or contiguous, and resolving them.
 
-use super::buffers::{bind, readable};
+use super::buffers::{bind, readable, storage};
 use super::passes::Frame;
 use super::pool::{Budget, Pool, Rect, image_samples};
 use super::resolve::{Outcome, encode_resolve, finish_resolve};
@@ -9,7 +9,7 @@ use super::targets::place;
 use super::timing::Timing;
 use super::variant::BuildStage;
 use crate::error::{Error, Result};
-use crate::frame::{Output, Storage};
+use crate::frame::Output;
 
 /// What became of a rectangle.
 pub enum Filled {
@@ -19,18 +19,31 @@ pub enum Filled {
     Overflow { nodes: u64 },
 }
 
+/// How fragments come into lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Linked as they come.
+    Link,
+    /// Appended as they come, then gathered into contiguous lists: one pass over the geometry, nodes held twice.
+    Append,
+    /// Counted, then scattered to their lists: two passes over the geometry, nodes held once.
+    Scatter,
+}
+
 impl Frame<'_> {
     /// Fills and resolves the lists of a rectangle.
     pub fn fill_and_resolve(
         &self,
+        way: Way,
         pool: &mut Pool,
         budget: &Budget,
         rect: Rect,
         output: &mut Output<f32>,
     ) -> Result<Filled> {
-        match self.pipelines.variant.storage {
-            Storage::Linked => self.link(pool, rect, output),
-            Storage::Contiguous => self.scatter(pool, budget, rect, output),
+        match way {
+            Way::Link => self.link(pool, rect, output),
+            Way::Append => self.append(pool, rect, output),
+            Way::Scatter => self.scatter(pool, budget, rect, output),
         }
     }
 
@@ -40,24 +53,66 @@ impl Frame<'_> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let band = self.band(pool, rect);
         self.gpu.checked("building the lists", || {
-            // Cleared here, at the start, never by the resolve: a frame must not depend on the one before it.
-            for buffer in [&pool.heads, &pool.counts] {
-                encoder.clear_buffer(buffer, 0, Some(4 * rect.pixels()));
-            }
-            encoder.clear_buffer(&pool.counter, 0, None);
-            let group = bind(
-                self.gpu,
-                "link",
-                &self.pipelines.layouts.link,
-                &[
-                    (&band).into(),
-                    (&pool.heads).into(),
-                    (&pool.nodes).into(),
-                    (&pool.counter).into(),
-                    (&pool.counts).into(),
-                ],
-            );
+            encoder.clear_buffer(&pool.heads, 0, Some(4 * rect.pixels()));
+            let group = self.taking_group(&mut encoder, pool, &pool.nodes, &band, rect);
             self.encode_build(&mut encoder, BuildStage::Link, &group, rect, &timing)
+        })?;
+        self.resolve(encoder, &timing, pool, &band, rect, output)
+    }
+
+    /// Clears what nodes are handed out by: at the start, never in the resolve, since a frame must not depend on the
+    /// one before it.
+    fn taking_group(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        pool: &Pool,
+        nodes: &wgpu::Buffer,
+        band: &wgpu::Buffer,
+        rect: Rect,
+    ) -> wgpu::BindGroup {
+        encoder.clear_buffer(&pool.counts, 0, Some(4 * rect.pixels()));
+        encoder.clear_buffer(&pool.counter, 0, None);
+        let slots =
+            [band.into(), (&pool.heads).into(), nodes.into(), (&pool.counter).into(), (&pool.counts).into()];
+        bind(self.gpu, "link", &self.pipelines.layouts.link, &slots)
+    }
+
+    /// One pass over the geometry: appended and counted, then scanned, then gathered into lists.
+    fn append(&self, pool: &mut Pool, rect: Rect, output: &mut Output<f32>) -> Result<Filled> {
+        let gpu = self.gpu;
+        let timing = Timing::new(gpu);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let band = self.band(pool, rect);
+        let appended = pool.appended(gpu)?.clone();
+        let pipeline = self.pipelines.gather(gpu)?;
+        gpu.checked("gathering fragments", || {
+            let group = self.taking_group(&mut encoder, pool, &appended, &band, rect);
+            self.encode_build(&mut encoder, BuildStage::Append, &group, rect, &timing)?;
+            // One more than pixels: where the last list ends.
+            encoder.clear_buffer(&pool.heads, 4 * rect.pixels(), Some(4));
+            encoder.copy_buffer_to_buffer(&pool.counts, 0, &pool.heads, 0, 4 * rect.pixels());
+            let total = storage(gpu, "total", 8); // which the counter knows
+            scan::encode(self, &mut encoder, &pool.heads, rect.pixels() as u32 + 1, &total, &timing)?;
+            encoder.copy_buffer_to_buffer(&pool.heads, 0, &pool.cursors, 0, 4 * rect.pixels());
+            let slots = [
+                (&self.view).into(),
+                (&band).into(),
+                (&pool.counter).into(),
+                (&appended).into(),
+                (&pool.cursors).into(),
+                (&pool.nodes).into(),
+            ];
+            let group = bind(gpu, "gather", &self.pipelines.layouts.gather, &slots);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("gather"),
+                timestamp_writes: timing.compute("gather"),
+            });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            let groups = pool.capacity.div_ceil(256).max(1) as u32;
+            let x = groups.min(gpu.limits.max_compute_workgroups_per_dimension);
+            pass.dispatch_workgroups(x, groups.div_ceil(x), 1);
+            Ok(())
         })?;
         self.resolve(encoder, &timing, pool, &band, rect, output)
     }

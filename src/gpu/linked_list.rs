@@ -13,7 +13,7 @@ use super::background;
 use super::buffers::with_contents;
 use super::device::Gpu;
 use super::extent::Viewpoint;
-use super::fill::Filled;
+use super::fill::{Filled, Way};
 use super::geometry::{Eye, Geometry};
 use super::lists::Reader;
 use super::passes::Frame;
@@ -92,18 +92,23 @@ pub fn render(
     let mut waiting: Vec<(Rect, Option<u64>)> =
         rect.map_or(vec![], |rect| rect.parts(budget.pixels)).into_iter().map(|r| (r, None)).collect();
     while let Some((rect, known)) = waiting.pop() {
-        let guess = match variant.storage {
-            Storage::Linked => gpu.nodes_guess(rect.pixels()).min(budget.nodes),
-            Storage::Contiguous => 1, // it counts before it stores
-        };
-        let wanted = known.unwrap_or(guess);
+        let guess = gpu.nodes_guess(rect.pixels(), scene.triangle_count()).min(budget.nodes);
+        // Contiguous lists whose nodes do not fit twice are counted before any is stored.
+        let contiguous = variant.storage == Storage::Contiguous;
+        let counts_first = contiguous && !budget.appends(known.unwrap_or(guess));
+        let wanted = known.unwrap_or(if counts_first { 1 } else { guess });
         let mut fresh = match pool.take() {
             Some(pool) if pool.pixels >= rect.pixels() => pool,
             old => Pool::new(gpu, &variant, rect.pixels(), old.map_or(wanted, |p| p.capacity.max(wanted)))?,
         };
         fresh.grow(gpu, wanted)?;
         let pool = pool.insert(fresh);
-        match frame.fill_and_resolve(pool, &budget, rect, &mut output)? {
+        let way = match (contiguous, counts_first || !budget.appends(pool.capacity)) {
+            (false, _) => Way::Link,
+            (true, false) => Way::Append,
+            (true, true) => Way::Scatter,
+        };
+        match frame.fill_and_resolve(way, pool, &budget, rect, &mut output)? {
             Filled::Done { nodes, outcome: own } => {
                 output.stats.fragments += nodes;
                 output.stats.bands += 1;
@@ -130,7 +135,7 @@ pub fn render(
         }
     }
     if let Some(rect) = rect {
-        gpu.remember_nodes(output.stats.fragments, rect.pixels());
+        gpu.remember_nodes(rect.pixels(), scene.triangle_count(), output.stats.fragments);
     }
     output.stats.bands = output.stats.bands.max(1);
     output.stats.dropped_fragments = outcome.dropped;

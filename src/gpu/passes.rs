@@ -119,6 +119,7 @@ impl Frame<'_> {
             depth_stencil_attachment: self.targets.depth_to_test(),
             timestamp_writes: timing.render(match stage {
                 BuildStage::Link => "build",
+                BuildStage::Append => "append",
                 BuildStage::Count => "count",
                 BuildStage::Scatter => "scatter",
             }),

@@ -24,7 +24,8 @@ pub struct Pipelines {
     pub variant: Variant,
     pub layouts: Layouts,
     opaque: Once<wgpu::RenderPipeline>,
-    build: [Once<wgpu::RenderPipeline>; 3],
+    build: [Once<wgpu::RenderPipeline>; 4],
+    gather: Once<wgpu::ComputePipeline>,
     classify: Once<Classify>,
     classes: Vec<Once<wgpu::ComputePipeline>>,
     fullscreen: Vec<Once<wgpu::RenderPipeline>>,
@@ -52,6 +53,7 @@ pub struct Layouts {
     pub background: wgpu::BindGroupLayout,
     pub long: wgpu::BindGroupLayout,
     pub scan: wgpu::BindGroupLayout,
+    pub gather: wgpu::BindGroupLayout,
 }
 
 pub struct Classify {
@@ -103,6 +105,7 @@ impl Layouts {
                 &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, Read, Uniform, Read, ReadWrite],
             ),
             scan: of("scan", compute, &[ReadWrite, ReadWrite, Uniform, ReadWrite]),
+            gather: of("gather", compute, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite]),
         }
     }
 }
@@ -114,6 +117,7 @@ impl Pipelines {
             layouts: Layouts::new(gpu, &variant),
             opaque: OnceLock::new(),
             build: Default::default(),
+            gather: OnceLock::new(),
             classify: OnceLock::new(),
             classes: (0..classes).map(|_| OnceLock::new()).collect(),
             fullscreen: (0..classes).map(|_| OnceLock::new()).collect(),
@@ -147,7 +151,7 @@ impl Pipelines {
         once(gpu, &self.build[stage as usize], || {
             let module = compile(gpu, "build", &self.variant.build(stage)?)?;
             let lists = match stage {
-                BuildStage::Link => &self.layouts.link,
+                BuildStage::Link | BuildStage::Append => &self.layouts.link,
                 BuildStage::Count => &self.layouts.count,
                 BuildStage::Scatter => &self.layouts.scatter,
             };
@@ -163,6 +167,13 @@ impl Pipelines {
                 write_mask: wgpu::ColorWrites::empty(),
             });
             Ok(self.render(gpu, &module, "build", &groups, None, &[nothing]))
+        })
+    }
+
+    pub fn gather(&self, gpu: &Gpu) -> Result<&wgpu::ComputePipeline> {
+        once(gpu, &self.gather, || {
+            let module = compile(gpu, "gather", &self.variant.gather()?)?;
+            Ok(compute(gpu, &module, "cs_gather", &[&self.layouts.gather]))
         })
     }
 

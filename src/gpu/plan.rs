@@ -90,7 +90,7 @@ pub fn describe(variant: &Variant, scene: &Scene, request: &Request, stats: &mut
     };
     stats.choose("node format", format!("{}, {bytes} bytes", layout.format.name()), holds);
     let storage = match variant.storage {
-        Storage::Contiguous => ("contiguous", "counted, scanned, scattered: the pool is exact"),
+        Storage::Contiguous => ("contiguous", "a pixel's fragments side by side"),
         Storage::Linked if variant.aggregates() => {
             ("linked", "one atomic addition a subgroup hands out nodes")
         }
@@ -149,6 +149,15 @@ pub fn describe_outcome(
         .collect();
     let longest = format!("longest list {}", outcome.longest);
     stats.choose("resolve classes", if used.is_empty() { "none".into() } else { used.join(", ") }, longest);
+    if variant.storage == Storage::Contiguous {
+        let twice = stats.ms.iter().any(|(stage, _)| stage == "count");
+        let (passes, why) = if twice {
+            ("2", "counted, then scattered: nodes would not fit memory twice")
+        } else {
+            ("1", "appended, then gathered: nodes fit memory twice")
+        };
+        stats.choose("passes over geometry", passes, why);
+    }
     if let Some((n, policy)) = request.limit {
         let kept = match policy {
             LimitPolicy::Nearest => "the nearest",

@@ -59,6 +59,8 @@ pub struct Pool {
     /// Nodes that were asked for: low word, and how often it wrapped.
     pub counter: wgpu::Buffer,
     pub nodes: wgpu::Buffer,
+    /// Nodes before they are brought into lists, where that is done.
+    pub appended: Option<wgpu::Buffer>,
     pub image: wgpu::Buffer,
     pub counts: wgpu::Buffer,
     pub classes: wgpu::Buffer,
@@ -96,6 +98,7 @@ impl Pool {
                 cursors: storage(gpu, "cursors", if contiguous { 4 * pixels } else { 0 }),
                 counter: storage(gpu, "counter", 8),
                 nodes: storage(gpu, "nodes", node_bytes * capacity),
+                appended: None,
                 image: storage(gpu, "image", 16 * image_samples(variant) * pixels),
                 counts: storage(gpu, "counts", 4 * pixels),
                 classes: storage(gpu, "classes", 4 * class_words(variant)),
@@ -115,6 +118,7 @@ impl Pool {
     pub fn grow(&mut self, gpu: &Gpu, nodes: u64) -> Result<()> {
         if nodes > self.capacity {
             // The old ones go first: the two need not fit together.
+            self.appended = None;
             self.nodes = gpu.checked("the node pool", || Ok(storage(gpu, "nodes", 0)))?;
             self.nodes =
                 gpu.checked("the node pool", || Ok(storage(gpu, "nodes", self.node_bytes * nodes)))?;
@@ -123,10 +127,21 @@ impl Pool {
         Ok(())
     }
 
+    /// A second buffer of nodes, as large as the first.
+    pub fn appended(&mut self, gpu: &Gpu) -> Result<&wgpu::Buffer> {
+        let made = match self.appended.take() {
+            Some(buffer) => buffer,
+            None => gpu.checked("the node pool", || {
+                Ok(storage(gpu, "appended nodes", self.node_bytes * self.capacity))
+            })?,
+        };
+        Ok(self.appended.insert(made))
+    }
+
     /// Bytes of nodes, and of what each pixel has beside them.
     pub fn bytes(&self) -> [(&'static str, u64); 3] {
         [
-            ("nodes", self.node_bytes * self.capacity),
+            ("nodes", self.node_bytes * self.capacity * (1 + u64::from(self.appended.is_some()))),
             ("heads", self.pixel_bytes * self.pixels),
             ("classes", 8 * self.pixels + self.classes.size() + self.arguments.size()),
         ]
@@ -148,6 +163,11 @@ pub struct Budget {
 }
 
 impl Budget {
+    /// Whether nodes may be held twice, appended and in lists.
+    pub fn appends(&self, nodes: u64) -> bool {
+        2 * nodes <= self.nodes
+    }
+
     pub fn of(gpu: &Gpu, variant: &Variant, memory: u64) -> Self {
         let binding = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
         let node_bytes = variant.layout.bytes();
@@ -156,7 +176,7 @@ impl Budget {
         let colors =
             if variant.per_sample() { u64::from(variant.layout.samples) } else { image_samples(variant) };
         Self {
-            pixels: (memory / 16).min(binding / (16 * colors)).max(1),
+            pixels: (memory / 16).min(binding / (16 * colors)).min(variant.layout.format.most_nodes()).max(1),
             nodes: affordable.min(bindable),
             scratch: (2 * affordable).max(1024).min(binding / 4),
             memory,

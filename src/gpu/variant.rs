@@ -161,7 +161,7 @@ impl Variant {
     pub fn build(&self, stage: BuildStage) -> Result<Composed> {
         let fragment = match (self.hides, self.layout.samples, self.early) {
             (false, ..) => "build/fragment",
-            (true, 1, true) => "build/fragment_early",
+            (true, 1, true) => "build/fragment",
             (true, 1, false) => "build/fragment_compare",
             (true, ..) => "build/fragment_samples",
         };
@@ -170,11 +170,33 @@ impl Variant {
         match stage {
             BuildStage::Count => files.extend(["build/count", "build/read_none"]),
             BuildStage::Scatter => files.extend(["build/scatter", "build/write"]),
-            BuildStage::Link => {
-                let counter = if self.aggregates() { "build/counter_subgroup" } else { "build/counter" };
-                files.extend(["build/linked", "build/write", counter]);
-            }
+            BuildStage::Link => files.push("build/linked"),
+            BuildStage::Append => files.push("build/append"),
         }
+        let takes = matches!(stage, BuildStage::Link | BuildStage::Append);
+        if takes {
+            let counter = if self.aggregates() { "build/counter_subgroup" } else { "build/counter" };
+            files.extend(["build/take", "build/write", counter]);
+        }
+        let mut composed = Composed::new(self.prelude(1, 0), &files)?;
+        composed.push(&self.entry(takes && self.aggregates()), "entry".into());
+        Ok(composed)
+    }
+
+    /// The fragment stage's entry, whose parameters and attributes are the variant's.
+    fn entry(&self, aggregates: bool) -> String {
+        let early = self.hides && !self.compares_depth();
+        format!(
+            "@fragment\n{}fn fs_build(v: Varyings, @builtin(sample_mask) mask: u32{}) {{\n{}    enter(v, mask);\n}}\n",
+            if early { "@early_depth_test(force)\n" } else { "" },
+            if aggregates { ", @builtin(subgroup_invocation_id) lane: u32" } else { "" },
+            if aggregates { "    own_lane = lane;\n" } else { "" },
+        )
+    }
+
+    pub fn gather(&self) -> Result<Composed> {
+        let mut files = vec!["common", "gather"];
+        files.extend(self.nodes());
         Composed::new(self.prelude(1, 0), &files)
     }
 
@@ -216,7 +238,9 @@ impl Variant {
 
     pub fn class(&self, class: usize) -> Result<Composed> {
         let temp = self.classes[class];
-        let unrolled = self.sort == Sort::Auto && self.limit.is_none() && temp <= LONGEST_UNROLLED;
+        let most =
+            std::env::var("ABUFFER_UNROLLED").ok().and_then(|v| v.parse().ok()).unwrap_or(LONGEST_UNROLLED);
+        let unrolled = self.sort == Sort::Auto && self.limit.is_none() && temp <= most;
         let mut own = vec!["sort/arrays", "resolve/classes", "resolve/class"];
         if !unrolled {
             own.extend([self.sort_file(), "resolve/class_loops"]);
@@ -257,6 +281,7 @@ impl Variant {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BuildStage {
     Link,
+    Append,
     Count,
     Scatter,
 }
@@ -342,6 +367,8 @@ pub mod tests {
             let modules = [
                 v.opaque(),
                 v.build(BuildStage::Link),
+                v.build(BuildStage::Append),
+                v.gather(),
                 v.build(BuildStage::Count),
                 v.build(BuildStage::Scatter),
                 v.classify(),
@@ -361,9 +388,18 @@ pub mod tests {
     fn every_shader_file_is_in_some_module() {
         let mut used = Vec::new();
         for v in variants() {
-            let built = [BuildStage::Link, BuildStage::Count, BuildStage::Scatter].map(|s| v.build(s));
-            let read =
-                [v.opaque(), v.classify(), v.class(0), v.average(), v.background(), v.long(), v.scan()];
+            let stages = [BuildStage::Link, BuildStage::Append, BuildStage::Count, BuildStage::Scatter];
+            let built = stages.map(|s| v.build(s));
+            let read = [
+                v.opaque(),
+                v.classify(),
+                v.class(0),
+                v.average(),
+                v.background(),
+                v.long(),
+                v.scan(),
+                v.gather(),
+            ];
             used.extend(built.into_iter().chain(read).flat_map(|m| m.unwrap().files()));
         }
         for (name, _) in crate::shader::SOURCES {
