@@ -56,7 +56,7 @@ DEFAULTS = {
     "blend_order": "front_to_back",
     "node_format": "float32",
     "resolve": "compute",
-    "resolve_classes": [1, 4, 8, 16, 32],
+    "resolve_classes": [1, 4, 8, 16, 32, 64],
 }
 
 

@@ -138,7 +138,8 @@ def test_the_table_of_node_formats_has_them_all_with_their_bytes(needs_gpu):
     for name, size in rows:
         frame = render(square(0), node_format=name, device="gpu", pipeline="prefix_sum")
         assert frame.plan["node format"] == f"{name}, {size} bytes"
-        assert frame.stats.bytes["nodes"] == int(size) * 32 * 24
+        assert frame.stats.bytes["nodes"] % int(size) == 0
+        assert frame.stats.bytes["nodes"] >= int(size) * frame.stats.fragments > 0
 
 
 def test_small_nodes_have_the_later_triangle_in_front_only_where_lists_are_asked_for(needs_gpu):

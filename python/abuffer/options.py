@@ -24,7 +24,7 @@ NODE_CHOICES = {
     "node_format": ("float32", "rgba8_depth32", "rgba8_depth24_coverage8", "rgb565_depth16", "rgb9e5_alpha8_depth24"),
     "resolve": ("compute", "fragment"),
 }
-CLASSES = (1, 4, 8, 16, 32)
+CLASSES = (1, 4, 8, 16, 32, 64)
 OPTIONS = (*CHOICES, "max_sorted_fragments", *NODE_CHOICES, "resolve_classes")
 SAMPLES = (1, 2, 4, 8, 16)
 

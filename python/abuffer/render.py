@@ -72,7 +72,7 @@ def render(
             round colour and depth to so many bits.
         resolve: "compute" (default) or "fragment": the kind of shader that turns lists into colours. The image is
             the same.
-        resolve_classes: up to 8 rising list lengths from 1 to 64, default (1, 4, 8, 16, 32). Each pixel is resolved
+        resolve_classes: up to 8 rising list lengths from 1 to 64, default (1, 4, 8, 16, 32, 64). Each pixel is resolved
             with room for the least of these that holds its list, longer ones apart. The image is the same.
 
     Raises:
@@ -103,7 +103,9 @@ def render(
     camera = camera._at(width, height)
     background = _check.background(background, (height, width))
     plan = []
-    adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
+    adapter, pipeline = tables.choose(
+        pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, fragments in (True, "all")
+    )
     own = own_blends(mesh.blend for mesh in scene.meshes)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
     request = all_of(options, pipeline) | {

@@ -12,6 +12,11 @@ use crate::resolve::Resolve;
 use crate::scene::Scene;
 use crate::shader::user_blend;
 
+/// Measured: an H100 sorts lists of 33 to 64 four times faster by a network than by insertion. A software driver gains
+/// nothing from 17 on, and takes seconds to compile the longer ones.
+const UNROLLED_ON_GPU: u32 = 64;
+const UNROLLED_ON_CPU: u32 = 16;
+
 /// Checks what the device can do, and chooses the rest.
 pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
     let name = &gpu.adapter.name;
@@ -60,6 +65,7 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
         blends: blends.into(),
         early: gpu.has(wgpu::Features::SHADER_EARLY_DEPTH_TEST) && !stencil_apart,
         subgroups: gpu.has(wgpu::Features::SUBGROUP),
+        longest_unrolled: if gpu.adapter.is_software() { UNROLLED_ON_CPU } else { UNROLLED_ON_GPU },
     })
 }
 

@@ -12,9 +12,6 @@ use crate::node_format::NodeLayout;
 use crate::samples::{full, pattern};
 use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
 
-/// Classes up to here are sorted by networks in registers, unless a sort is asked for.
-const LONGEST_UNROLLED: u32 = 16;
-
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Variant {
     pub storage: Storage,
@@ -34,6 +31,8 @@ pub struct Variant {
     /// Device features: forced early depth tests, and subgroup operations.
     pub early: bool,
     pub subgroups: bool,
+    /// Classes up to here are sorted by networks in registers, unless a sort is asked for.
+    pub longest_unrolled: u32,
 }
 
 impl Variant {
@@ -238,9 +237,7 @@ impl Variant {
 
     pub fn class(&self, class: usize) -> Result<Composed> {
         let temp = self.classes[class];
-        let most =
-            std::env::var("ABUFFER_UNROLLED").ok().and_then(|v| v.parse().ok()).unwrap_or(LONGEST_UNROLLED);
-        let unrolled = self.sort == Sort::Auto && self.limit.is_none() && temp <= most;
+        let unrolled = self.sort == Sort::Auto && self.limit.is_none() && temp <= self.longest_unrolled;
         let mut own = vec!["sort/arrays", "resolve/classes", "resolve/class"];
         if !unrolled {
             own.extend([self.sort_file(), "resolve/class_loops"]);
@@ -307,6 +304,7 @@ pub mod tests {
             blends: Arc::new([]),
             early: true,
             subgroups: false,
+            longest_unrolled: 16,
         }
     }
 
