@@ -23,15 +23,6 @@ var<workgroup> totals: array<atomic<u32>, CLASS_SLOTS>;
 var<workgroup> firsts: array<u32, CLASS_SLOTS>;
 var<workgroup> longest: atomic<u32>;
 
-fn class_of(n: u32) -> u32 {
-    var bounds = CLASS_BOUNDS;
-    var class_index = 0u;
-    for (var c = 0u; c < CLASS_COUNT; c++) {
-        class_index += u32(n > bounds[c]);
-    }
-    return class_index;
-}
-
 @compute @workgroup_size(16, 16)
 fn cs_classify(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local: u32) {
     let pixel = id.y * band.width + id.x;
@@ -46,7 +37,9 @@ fn cs_classify(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocati
         } else {
             class_index = class_of(n);
             rank = atomicAdd(&totals[class_index], 1u);
-            atomicMax(&longest, n);
+            if n > atomicLoad(&longest) {
+                atomicMax(&longest, n); // seldom: most lists are no record
+            }
         }
     }
     workgroupBarrier(); // the workgroup's totals are complete

@@ -42,8 +42,6 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     lost: Arc<Mutex<Option<String>>>,
-    /// Pixels and triangles of the last render with lists, and its nodes: the next one may be like it.
-    last_nodes: Mutex<(u64, usize, u64)>,
     /// One render at a time: interleaved ones would hold twice the memory and gain nothing.
     busy: Mutex<()>,
 }
@@ -217,7 +215,6 @@ impl Gpu {
             limits,
             pipelines: Mutex::new(HashMap::new()),
             lost,
-            last_nodes: Mutex::new((0, 0, 0)),
             busy: Mutex::new(()),
         })
     }
@@ -268,18 +265,6 @@ impl Gpu {
         let made = Arc::new(Pipelines::new(self, variant.clone()));
         all.insert(variant.clone(), made.clone());
         made
-    }
-
-    /// Nodes to begin with: four a pixel, or what a render of as many triangles and pixels had last. Too few, and a
-    /// pass is done twice.
-    pub fn nodes_guess(&self, pixels: u64, triangles: usize) -> u64 {
-        let guess = (4 * pixels).max(4096);
-        let last = *self.last_nodes.lock().unwrap_or_else(PoisonError::into_inner);
-        if (last.0, last.1) == (pixels, triangles) { guess.max(last.2 + last.2 / 16) } else { guess }
-    }
-
-    pub fn remember_nodes(&self, pixels: u64, triangles: usize, nodes: u64) {
-        *self.last_nodes.lock().unwrap_or_else(PoisonError::into_inner) = (pixels, triangles, nodes);
     }
 
     pub fn has(&self, feature: wgpu::Features) -> bool {

@@ -88,27 +88,33 @@ pub fn render(
     let mut pool: Option<Pool> = None;
     let mut outcome = Outcome::default();
     let mut tiles = 0;
+    let expected = frame.geometry.found.listed.nodes();
+    let contiguous = variant.storage == Storage::Contiguous;
     // Rectangles to do, and the nodes that each is known to need.
     let mut waiting: Vec<(Rect, Option<u64>)> =
         rect.map_or(vec![], |rect| rect.parts(budget.pixels)).into_iter().map(|r| (r, None)).collect();
     while let Some((rect, known)) = waiting.pop() {
-        let guess = gpu.nodes_guess(rect.pixels(), scene.triangle_count()).min(budget.nodes);
-        // Contiguous lists whose nodes do not fit twice are counted before any is stored.
-        let contiguous = variant.storage == Storage::Contiguous;
-        let counts_first = contiguous && !budget.appends(known.unwrap_or(guess));
-        let wanted = known.unwrap_or(if counts_first { 1 } else { guess });
+        let wanted = known.unwrap_or(expected);
         let mut fresh = match pool.take() {
             Some(pool) if pool.pixels >= rect.pixels() => pool,
-            old => Pool::new(gpu, &variant, rect.pixels(), old.map_or(wanted, |p| p.capacity.max(wanted)))?,
+            _ => Pool::new(gpu, &variant, rect.pixels(), 1)?,
         };
-        fresh.grow(gpu, wanted)?;
-        let pool = pool.insert(fresh);
-        let way = match (contiguous, counts_first || !budget.appends(pool.capacity)) {
+        let way = match (contiguous, budget.appends(wanted.max(fresh.capacity))) {
             (false, _) => Way::Link,
-            (true, false) => Way::Append,
-            (true, true) => Way::Scatter,
+            (true, true) => Way::Append,
+            (true, false) => Way::Scatter,
         };
-        match frame.fill_and_resolve(way, pool, &budget, rect, &mut output)? {
+        // What is scattered is counted first. What is more than fits is counted too, and cut.
+        let filled = if way != Way::Scatter && wanted > budget.nodes {
+            Filled::Overflow { nodes: wanted }
+        } else {
+            if way != Way::Scatter {
+                fresh.grow(gpu, wanted)?;
+            }
+            frame.fill_and_resolve(way, &mut fresh, &budget, rect, &mut output)?
+        };
+        let pool = pool.insert(fresh);
+        match filled {
             Filled::Done { nodes, outcome: own } => {
                 output.stats.fragments += nodes;
                 output.stats.bands += 1;
@@ -119,23 +125,18 @@ pub fn render(
                 }
             }
             Filled::Overflow { nodes } if nodes <= budget.nodes => waiting.push((rect, Some(nodes))),
-            Filled::Overflow { nodes } => {
+            Filled::Overflow { .. } => {
                 let counts = frame.count(pool, rect, &mut output.stats)?;
                 let bands = budget.bands(rect, &counts)?;
-                if let [(whole, _)] = bands.as_slice()
-                    && *whole == rect
-                {
+                if known.is_some() {
                     return Err(Error::Device(format!(
-                        "{} counted {nodes} fragments and then fewer: its driver is at fault; device=\"cpu\" works",
+                        "{} counts other fragments than it stores: its driver is at fault; device=\"cpu\" works",
                         gpu.adapter.name
                     )));
                 }
                 waiting.extend(bands.into_iter().map(|(rect, nodes)| (rect, Some(nodes))));
             }
         }
-    }
-    if let Some(rect) = rect {
-        gpu.remember_nodes(rect.pixels(), scene.triangle_count(), output.stats.fragments);
     }
     output.stats.bands = output.stats.bands.max(1);
     output.stats.dropped_fragments = outcome.dropped;
@@ -187,7 +188,7 @@ fn upload<'g>(
         let eye = Eye {
             rows: &rows,
             center,
-            viewpoint: Viewpoint::new(camera, &rows, width, height),
+            viewpoint: Viewpoint::new(camera, &rows, (width, height), request.samples > 1),
             list_opaque: request.lists == Lists::All,
         };
         let geometry = Geometry::upload(gpu, &pipelines.layouts.geometry, scene, &eye, &view)?;

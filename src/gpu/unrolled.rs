@@ -7,12 +7,15 @@ use std::fmt::Write;
 pub fn text(temp: u32, back_to_front: bool) -> String {
     let mut text =
         String::from("fn gather(pixel: u32) -> u32 {\n    var c = first_of(pixel);\n    var n = 0u;\n");
-    // Writing to a String cannot fail.
     for i in 0..temp {
+        // Writing to a String cannot fail. One entry alone needs no order.
+        if temp > 1 {
+            let _ = writeln!(text, "    order[{i}] = vec2u(0xffffffffu);");
+        }
+        let order = if temp > 1 { format!(" order[{i}] = order_of(node);") } else { String::new() };
         let _ = writeln!(
             text,
-            "    order[{i}] = vec2u(0xffffffffu);\n    if !is_end(c) {{ let node = node_at(c); \
-             order[{i}] = order_of(node); entries[{i}] = node; advance(&c); n = {i}u + 1u; }}"
+            "    if !is_end(c) {{ let node = node_at(c);{order} entries[{i}] = node; advance(&c); n = {i}u + 1u; }}"
         );
     }
     // What is past the end is greatest, and stays there.

@@ -121,8 +121,6 @@ impl Variant {
         let count = self.classes.len() as u32;
         constant("CLASS_COUNT", unsigned(count));
         constant("CLASS_SLOTS", unsigned(count + 1));
-        let bounds: Vec<_> = self.classes.iter().map(|&n| unsigned(n)).collect();
-        constant("CLASS_BOUNDS", format!("array<u32, {count}>({})", bounds.join(", ")));
         constant("LONGEST_CLASS", unsigned(self.longest_class()));
         constant("CLASS", unsigned(class as u32));
         constant("CLASS_ABOVE", unsigned(if class == 0 { 0 } else { self.classes[class - 1] }));
@@ -132,6 +130,9 @@ impl Variant {
         constant("LIMIT", unsigned(self.limit.map_or(0, |(n, _)| n)));
         let last = matches!(self.limit, Some((_, LimitPolicy::LastSubmitted)));
         constant("LIMIT_LAST", last.to_string());
+        // Written out: an indexed array of bounds would be memory.
+        let above: Vec<_> = self.classes.iter().map(|bound| format!("u32(n > {bound}u)")).collect();
+        let _ = writeln!(text, "fn class_of(n: u32) -> u32 {{ return {}; }}", above.join(" + "));
         text
     }
 
