@@ -1,0 +1,200 @@
+//! The Python module `abuffer._core`: the only room that names pyo3 and numpy.
+//!
+//! Python has checked shapes, dtypes and values with the user's words; what arrives here is contiguous.
+//! Nothing below holds the interpreter lock while it renders.
+
+mod output;
+mod parts;
+
+use bytemuck::cast_slice;
+use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::composite::{Lists as ListsOf, composite as composite_lists};
+use crate::error::Error;
+use crate::fragments::Background;
+use crate::frame::BlendOrder;
+use crate::gpu::device::{self, Adapter};
+use crate::methods::METHODS;
+use crate::png::encode;
+use crate::real::Real;
+use crate::render;
+use crate::resolve::Resolve;
+use crate::samples::check_samples;
+use crate::scene::Scene;
+use crate::shader::user_blend;
+use output::to_dict;
+use parts::{BackgroundParts, CameraParts, MeshParts, RequestParts, Values, msaa_of};
+
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_export]
+    use super::{adapters, check_blend, composite, encode_png, methods, render_cpu, render_gpu};
+}
+
+mod errors {
+    pyo3::import_exception!(abuffer.errors, SceneError);
+    pyo3::import_exception!(abuffer.errors, ParameterError);
+    pyo3::import_exception!(abuffer.errors, DeviceError);
+    pyo3::import_exception!(abuffer.errors, UnsupportedError);
+    pyo3::import_exception!(abuffer.errors, CapacityError);
+    pyo3::import_exception!(abuffer.errors, ShaderError);
+}
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        let message = error.to_string();
+        // No catch-all arm: a new variant must get its class here.
+        match error {
+            Error::Scene(_) => errors::SceneError::new_err(message),
+            Error::Parameter(_) => errors::ParameterError::new_err(message),
+            Error::Device(_) => errors::DeviceError::new_err(message),
+            Error::Unsupported(_) => errors::UnsupportedError::new_err(message),
+            Error::Capacity { .. } => errors::CapacityError::new_err(message),
+            Error::Shader { .. } => errors::ShaderError::new_err(message),
+        }
+    }
+}
+
+/// Renders on the CPU, in float64 if `double`.
+#[pyfunction]
+fn render_cpu<'py>(
+    py: Python<'py>,
+    meshes: Vec<MeshParts<'py>>,
+    camera: CameraParts<'py>,
+    request: RequestParts,
+    background: &Bound<'py, PyAny>,
+    double: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    if double {
+        on_cpu::<f64>(py, &meshes, &camera, &request, background)
+    } else {
+        on_cpu::<f32>(py, &meshes, &camera, &request, background)
+    }
+}
+
+fn on_cpu<'py, T>(
+    py: Python<'py>,
+    meshes: &[MeshParts<'py>],
+    camera: &CameraParts,
+    request: &RequestParts,
+    background: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>>
+where
+    T: Real + Element + bytemuck::Pod,
+    T::Key: Element,
+{
+    let camera = camera.camera()?;
+    let request = request.request();
+    let parts = BackgroundParts::<T>::of(background)?;
+    let background = parts.background()?;
+    let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
+    let output = py.detach(|| {
+        let scene = Scene::new(meshes)?;
+        render::on_cpu(&scene, &camera, &request, background)
+    })?;
+    to_dict(py, output, &request)
+}
+
+/// Renders with pipeline linked_list on an adapter, by its place in `adapters()`.
+#[pyfunction]
+fn render_gpu<'py>(
+    py: Python<'py>,
+    adapter: usize,
+    meshes: Vec<MeshParts<'py>>,
+    camera: CameraParts<'py>,
+    request: RequestParts,
+    background: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let camera = camera.camera()?;
+    let request = request.request();
+    let parts = BackgroundParts::<f32>::of(background)?;
+    let background = parts.background()?;
+    let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
+    let output = py.detach(|| {
+        let scene = Scene::new(meshes)?;
+        render::on_gpu(adapter, &scene, &camera, &request, background)
+    })?;
+    to_dict(py, output, &request)
+}
+
+/// All adapters, best first.
+#[pyfunction]
+fn adapters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let describe = |adapter: Adapter| {
+        let dict = PyDict::new(py);
+        dict.set_item("name", adapter.name)?;
+        dict.set_item("kind", adapter.kind)?;
+        dict.set_item("backend", adapter.backend)?;
+        dict.set_item("driver", adapter.driver)?;
+        dict.set_item("max_binding", adapter.max_binding)?;
+        dict.set_item("lacks", adapter.lacks)?;
+        dict.set_item("samples", adapter.samples)?;
+        Ok(dict)
+    };
+    py.detach(device::adapters).into_iter().map(describe).collect()
+}
+
+/// Composites captured lists in float64. `color` is (F, 4) float32 or float64; `background` one colour, or
+/// (H·W·samples, 4). Returns (H·W, 4), or with msaa_resolve "none" (H·W·samples, 4).
+#[pyfunction]
+#[pyo3(signature = (offsets, color, background, coverage, blend, samples, msaa_resolve, back_to_front))]
+#[allow(clippy::too_many_arguments)]
+fn composite<'py>(
+    py: Python<'py>,
+    offsets: PyReadonlyArray1<'py, i64>,
+    color: Values<'py>,
+    background: PyReadonlyArray2<'py, f64>,
+    coverage: Option<PyReadonlyArray1<'py, u32>>,
+    blend: Option<PyReadonlyArray1<'py, u8>>,
+    samples: u32,
+    msaa_resolve: &str,
+    back_to_front: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let background = Background::Image(cast_slice(background.as_slice()?));
+    let offsets = offsets.as_slice()?;
+    let coverage = coverage.as_ref().map(|a| a.as_slice()).transpose()?;
+    let blend = blend.as_ref().map(|a| a.as_slice()).transpose()?;
+    let resolve = Resolve {
+        samples: check_samples(samples)?,
+        msaa: msaa_of(msaa_resolve),
+        mixes: blend.is_some(),
+        order: if back_to_front { BlendOrder::BackToFront } else { BlendOrder::FrontToBack },
+    };
+    let image = match &color {
+        Values::F32(a) => {
+            let color = cast_slice::<f32, [f32; 4]>(a.as_slice()?);
+            py.detach(|| composite_lists(ListsOf { offsets, color, coverage, blend }, resolve, background))?
+        }
+        Values::F64(a) => {
+            let color = cast_slice::<f64, [f64; 4]>(a.as_slice()?);
+            py.detach(|| composite_lists(ListsOf { offsets, color, coverage, blend }, resolve, background))?
+        }
+    };
+    let n = image.len();
+    Ok(image.into_flattened().into_pyarray(py).reshape([n, 4])?.into_any())
+}
+
+/// Raises a ShaderError if a user's blend is no expression or function body of WGSL.
+#[pyfunction]
+fn check_blend(name: &str, wgsl: &str) -> PyResult<()> {
+    user_blend(0, name, wgsl)?;
+    Ok(())
+}
+
+/// PNG bytes of an (H, W, 4) uint8 array.
+#[pyfunction]
+fn encode_png<'py>(py: Python<'py>, pixels: PyReadonlyArray3<'py, u8>) -> PyResult<Bound<'py, PyBytes>> {
+    let shape = pixels.as_array().dim();
+    let bytes = encode(pixels.as_slice()?, shape.1 as u32, shape.0 as u32)?;
+    Ok(PyBytes::new(py, &bytes))
+}
+
+/// Rows of the method table: id, title, order, source.
+#[pyfunction]
+fn methods() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
+    METHODS.iter().map(|m| (m.id, m.title, m.order, m.source)).collect()
+}
