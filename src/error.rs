@@ -1,4 +1,4 @@
-//! Everything that can go wrong, once. `python.rs` maps each variant to one Python exception,
+//! Everything that can go wrong, once. `python` maps each variant to one Python exception,
 //! exhaustively, so that a new variant does not compile until it has a class.
 
 /// What went wrong, where, what was got, the limit, and what to do about it.

@@ -46,7 +46,7 @@ def draw(pipeline, scene, camera=WIDE, **kw):
 
 def held(frame):
     """Bytes of lists, bins and scratch, which a budget is for: all but the scene itself and the image's own size."""
-    beside = ("geometry", "setup", "targets", "readback")
+    beside = ("geometry", "setup", "targets", "image band")
     return sum(used for name, used in frame.stats.bytes.items() if name not in beside)
 
 

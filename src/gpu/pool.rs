@@ -139,10 +139,11 @@ impl Pool {
     }
 
     /// Bytes of nodes, and of what each pixel has beside them.
-    pub fn bytes(&self) -> [(&'static str, u64); 3] {
+    pub fn bytes(&self) -> [(&'static str, u64); 4] {
         [
             ("nodes", self.node_bytes * self.capacity * (1 + u64::from(self.appended.is_some()))),
             ("heads", self.pixel_bytes * self.pixels),
+            ("image band", self.image.size() + self.counts.size() + self.sample_colors.size()),
             ("classes", 8 * self.pixels + self.classes.size() + self.arguments.size()),
         ]
     }
