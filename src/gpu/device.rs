@@ -141,9 +141,15 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
 /// Samples that every target of a render can have. Other counts than 1 and 4 are what an adapter adds.
 fn sample_counts(adapter: &wgpu::Adapter) -> Vec<u32> {
     let formats = [COVERAGE_FORMAT, DEPTH_FORMAT, COLOR_FORMAT];
-    let all = |count: u32| {
-        formats.iter().all(|&f| adapter.get_texture_format_features(f).flags.sample_count_supported(count))
+    let usable = adapter.features() & WANTED & !withheld();
+    let flags = |format: wgpu::TextureFormat| {
+        if usable.contains(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES) {
+            adapter.get_texture_format_features(format).flags
+        } else {
+            format.guaranteed_format_features(usable).flags
+        }
     };
+    let all = |count: u32| formats.iter().all(|&f| flags(f).sample_count_supported(count));
     COUNTS.into_iter().filter(|&count| count == 1 || all(count)).collect()
 }
 
