@@ -66,6 +66,50 @@ def test_render_takes_up_field_of_view_colour_and_opaque(model, tmp_path):
     np.testing.assert_array_equal(ab.Frame.load(tmp_path / "a.npz").image, expected)
 
 
+def test_render_takes_samples_memory_and_a_pipeline(model, tmp_path):
+    options = ["--samples", "8", "--memory", "1MB", "--pipeline", "tiles", "--width", "40", "--height", "30"]
+    out, lists = tmp_path / "a.npz", tmp_path / "f.npz"
+    assert main(["render", model, "-o", str(out), "--fragments", str(lists), *options]) == 0
+    frame = ab.Frame.load(out)
+    expected = ab.render(model, width=40, height=30, samples=8, device="cpu")
+    np.testing.assert_array_equal(frame.image, expected.image)
+    assert frame.plan["pipeline"] == "tiles"
+    assert ab.Fragments.load(lists).samples == 8
+
+
+def test_render_takes_samples_and_a_pipeline_of_a_gpu(model, tmp_path, needs_gpu):
+    options = ["--samples", "4", "--device", "gpu", "--pipeline", "prefix_sum", "--width", "40", "--height", "30"]
+    assert main(["render", model, "-o", str(tmp_path / "a.npz"), *options]) == 0
+    frame = ab.Frame.load(tmp_path / "a.npz")
+    expected = ab.render(model, width=40, height=30, samples=4, device="gpu", pipeline="prefix_sum")
+    np.testing.assert_array_equal(frame.image, expected.image)
+    assert frame.plan["pipeline"] == "prefix_sum"
+
+
+def box(path, **material):
+    """A grey box of a material of glTF, opaque unless it says otherwise."""
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.box((1, 1, 1))
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[51, 51, 51, 255], **material)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    mesh.export(path)
+    return str(path)
+
+
+@pytest.mark.parametrize("mode", ab.BLENDS)
+def test_a_blend_is_that_of_all_models_opaque_ones_too(model, tmp_path, mode):
+    glb = box(tmp_path / "box.glb")
+    size = {"width": 40, "height": 30}
+    options = f"--blend {mode} --background 1,.5,.25 --width 40 --height 30".split()
+    assert main(["render", model, glb, "-o", str(tmp_path / "a.npz"), *options]) == 0
+    scene = ab.Scene()
+    scene.add([model, glb], blend=mode, opaque=None if mode == "over" else False)
+    expected = ab.render(scene, background=(1, 0.5, 0.25), **size)
+    np.testing.assert_array_equal(ab.Frame.load(tmp_path / "a.npz").image, expected.image)
+    assert [mesh.blend for mesh in scene.meshes] == [mode, mode]
+    assert [mesh.opaque for mesh in scene.meshes] == [False, mode == "over"]
+
+
 def test_several_models_are_one_scene(model, tmp_path):
     other = tmp_path / "other.obj"
     other.write_text(OBJ.replace(" 0\n", " 1\n"))
@@ -122,6 +166,12 @@ def test_no_command_is_a_usage_error(capsys):
         (["--up", "z"], "--up must be numbers such as 1,1,1, got 'z'"),
         (["--up", "0,1"], "up must have shape (3,)"),
         (["--memory", "lots"], "memory must be bytes"),
+        (["--samples", "3"], "samples must be one of 1, 2, 4, 8, 16, got 3"),
+        (["--blend", "addition"], "did you mean 'additive'?"),
+        (["--blend", "screen", "--opaque"], "--opaque surfaces are not blended"),
+        (["--blend", "screen", "--color", "2,0,0"], "blend modes multiply and screen take RGB in [0, 1]"),
+        (["--pipeline", "tile"], "did you mean 'tiles'?"),
+        (["--pipeline", "linked_list", "--device", "cpu"], "linked_list"),
         (["--alpha", "2"], "alpha must be between 0"),
         (["--fragments", "lists.csv"], "--fragments must end in .npz"),
     ],
@@ -149,6 +199,32 @@ def test_other_errors_are_status_1(model, tmp_path, capsys, monkeypatch):
 
     monkeypatch.setattr(ab, "render", broken)
     assert failed(capsys, 1, "render", model, "-o", tmp_path / "a.png") == "the device was lost"
+
+
+def test_too_little_memory_is_status_1_and_says_how_much_it_takes(model, tmp_path, capsys):
+    line = failed(capsys, 1, "render", model, "-o", tmp_path / "a.png", "--memory", "4", "--device", "cpu")
+    assert "4 bytes are needed" in line
+    assert "raise memory=" in line
+
+
+def test_samples_that_a_gpu_lacks_are_status_1(model, tmp_path, capsys, needs_gpu):
+    counts = []
+    for count in (1, 2, 4, 8, 16):
+        try:
+            ab.render(model, width=1, height=1, samples=count, device="gpu")
+        except ab.UnsupportedError:
+            counts.append(count)
+    if not counts:
+        pytest.skip("this GPU has all of them")
+    line = failed(capsys, 1, "render", model, "-o", tmp_path / "a.png", "--samples", counts[0], "--device", "gpu")
+    assert f"has no {counts[0]} samples a pixel" in line
+
+
+def test_a_number_that_is_none_is_a_usage_error(model, tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["render", model, "-o", str(tmp_path / "a.png"), "--samples", "many"])
+    assert end.value.code == 2
+    assert "argument --samples: invalid int value: 'many'" in capsys.readouterr().err
 
 
 def test_a_directory_as_output_is_status_1(model, tmp_path, capsys):

@@ -8,7 +8,9 @@ from PIL import Image
 
 import abuffer as ab
 import oracle
+import oracle_msaa
 import scenes
+from abuffer import testing
 from abuffer.testing import assert_matches_reference, edge_band
 
 WIDTH, HEIGHT = 48, 40
@@ -543,6 +545,206 @@ def test_a_wide_edge_band_reaches_all_pixels_in_reach():
         at = np.clip((centers - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)[..., None]
         distance = np.minimum(distance, np.linalg.norm(centers - p - at * (q - p), axis=-1))
     np.testing.assert_array_equal(band, distance < 3.5)
+
+
+# ---- several samples
+
+SQUARES = ab.Camera.orthographic((0, 0, 1), (0, 0, 0), height=HEIGHT)  # a pixel is a unit
+
+
+def half(x, side, z=0.0, color=(0.9, 0.5, 0.1, 0.5), **kw):
+    """All of the image that lies left (side -1) or right (1) of x."""
+    return ab.Mesh([(x, -99, z), (x, 99, z), (x + side * 99, 0, z)][::side], None, color, **kw)
+
+
+def test_sample_positions_are_the_standard_ones():
+    assert testing.POSITIONS == oracle_msaa.PATTERNS
+
+
+def few_triangles(**look):
+    rng = np.random.default_rng(0)
+    return ab.Mesh(rng.uniform(-1, 1, (8, 3, 3)), colors=rng.random((8, 4)), color_mode="face", **look)
+
+
+def not_compared(scene, camera, samples, edge):
+    """(H, W) bool, and what is said of it."""
+    settings = {"width": WIDTH, "height": HEIGHT, "device": "cpu", "precision": "float64", "samples": samples}
+    reference, text = testing._reference(ab.Scene(scene), camera, settings, edge)
+    return ~reference.compared, text
+
+
+@pytest.mark.parametrize("samples", [2, 4, 8, 16])
+def test_with_samples_edges_are_compared_too(samples):
+    wall = few_triangles().replaced(opaque=True).transformed(np.diag([-1.0, 1, 1, 1]))
+    for scene in (few_triangles(), [few_triangles(), wall]):
+        smooth = rendered(scene, samples=samples)
+        assert_matches_reference(smooth, scene, CAMERA, samples=samples, tolerance=1e-12)
+        assert_matches_reference(smooth.to_uint8(), scene, CAMERA, samples=samples)
+        assert "differs" in failure(rendered(scene), scene, samples=samples)
+
+
+@pytest.mark.parametrize("samples", [2, 4, 8, 16])
+def test_with_samples_pixels_are_left_out_where_an_edge_is_near_a_sample_or_the_centre(samples):
+    mesh, edge = few_triangles(), 1 / 64
+    camera = oracle.OracleCamera(*scenes.front_camera(WIDTH / HEIGHT))
+    distance = oracle_msaa.edge_distance(mesh.triangles(), camera, WIDTH, HEIGHT, samples)
+    left_out, text = not_compared(mesh, CAMERA, samples, edge)
+    assert (
+        f"{left_out.sum()} pixels ({left_out.mean():.2%}) are within 0.0156 px of an edge, at a sample or the" in text
+    )
+    assert "0 (0.00%) have near ties" in text
+    sure = np.abs(distance - edge) > 1e-9
+    np.testing.assert_array_equal(left_out[sure], (distance < edge)[sure])
+
+
+@pytest.mark.parametrize("resolve", ["per_pixel", "per_sample", "none"])
+@pytest.mark.parametrize("opaque", [False, True])
+def test_a_gpus_samples_pass(resolve, opaque, needs_gpu):
+    wall = few_triangles().replaced(opaque=True).transformed(np.diag([-1.0, 1, 1, 1]))
+    scene = [triangles_scene(), wall] if opaque else few_triangles()
+    frame = ab.render(scene, CAMERA, width=WIDTH, height=HEIGHT, device="gpu", samples=4, msaa_resolve=resolve)
+    assert_matches_reference(frame, scene, CAMERA, samples=4, tolerance=1e-4)
+    assert "differs" in failure(frame, scene)
+
+
+def test_samples_of_a_frame_are_averaged_and_those_of_an_array_are_not():
+    frame = rendered(few_triangles(), samples=4, msaa_resolve="none")
+    assert frame.image.shape == (HEIGHT, WIDTH, 4, 4)
+    assert_matches_reference(frame, few_triangles(), CAMERA, samples=4, tolerance=1e-12)
+    for image in (frame.image, frame.straight):
+        with pytest.raises(ab.ParameterError, match=r"got \(40, 48, 4, 4\): average samples first, as premultiplied"):
+            assert_matches_reference(image, few_triangles(), CAMERA, samples=4)
+    mean = frame.image.mean(axis=2)
+    assert_matches_reference(mean, few_triangles(), CAMERA, premultiplied=True, samples=4, tolerance=1e-12)
+
+
+def test_antialiasing_that_the_reference_lacks_is_named():
+    smooth = rendered(few_triangles(), samples=16)
+    *_, line = failure(smooth, few_triangles()).splitlines()
+    assert line.startswith("all of them are next to edges, and the ")
+    assert line.endswith("another way than by samples=1, so give the image's own samples=, or edge=0.75")
+    assert "than by samples=4, so give" in failure(smooth, few_triangles(), samples=4)
+    assert_matches_reference(smooth, few_triangles(), CAMERA, samples=16)
+    image = smooth.straight
+    y, x = np.argwhere((smooth.image[..., 3] > 0) & ~edge_band(ab.Scene(few_triangles()), CAMERA, WIDTH, HEIGHT, 0.75))[
+        0
+    ]
+    image[y, x] = 1 - image[y, x]
+    assert "next to edges" not in failure(image, few_triangles())
+    few = rendered(few_triangles()).straight
+    y, x = np.argwhere(edge_band(ab.Scene(few_triangles()), CAMERA, WIDTH, HEIGHT, 0.25))[0]
+    few[y, x] = 1 - few[y, x]
+    assert "next to edges" not in failure(few, few_triangles())
+
+
+def test_alphas_weighed_by_coverage_are_no_samples():
+    """The shortcut of a mask's popcount: it makes a seam of a shared edge, and that must not pass."""
+    halves = [half(0.25, -1), half(0.25, 1)]
+    right = rendered(halves, SQUARES, samples=4, fragments=True)
+    assert_matches_reference(right, halves, SQUARES, samples=4, tolerance=1e-12)
+    lists = right.fragments
+    alpha = lists.color[:, 3:] * oracle_msaa.popcount(lists.coverage)[:, None] / 4
+    color = np.concatenate([lists.color[:, :3], alpha], axis=1)
+    lists = ab.Fragments(lists.shape, lists.offsets, lists.depth, color, lists.key, lists.primitive)
+    lines = failure(lists.composite(), halves, SQUARES, premultiplied=True, samples=4).splitlines()
+    at = lines.index("its 2 fragments, front to back:")
+    assert lines[at + 1].split() == ["depth", "straight", "RGBA", "samples", "primitive", "mesh"]
+    assert lines[at + 2].split() == ["1", "(0.9,", "0.5,", "0.1,", "0.5)", "1011", "1", "mesh", "1,", "face", "0"]
+    assert lines[at + 3].split() == ["1", "(0.9,", "0.5,", "0.1,", "0.5)", "0100", "0", "mesh", "0,", "face", "0"]
+
+
+def test_the_background_of_each_sample_is_told():
+    wall = half(0.25, 1, -0.5, (0.1, 0.2, 0.3), opaque=True)
+    scene = [half(-30, 1), wall]
+    image = rendered(scene, SQUARES, samples=4).straight
+    image[3, WIDTH // 2] = 0
+    text = failure(image, scene, SQUARES, samples=4)
+    assert "behind them (0, 0, 0, 0) in 1 sample, (0.1, 0.2, 0.3, 1) in 3 samples, straight RGBA" in text
+
+
+def test_near_ties_are_those_of_one_sample():
+    color = np.full((3, 4), 0.5)
+    for masks, tied in (((1, 2, 1), True), ((1, 2, 4), False), ((3, 4, 2), True), ((15, 15, 15), True)):
+        lists = ab.Fragments((1, 1), [0, 3], [1, 1 + 1e-7, 1 + 2e-7], color, coverage=masks, samples=4)
+        assert testing._near_ties(lists).item() == tied
+    halves = [half(0.25, -1), half(0.25, 1, -1e-6)]  # next to each other, not in front
+    assert "0 (0.00%) have near ties" in not_compared(halves, SQUARES, 4, 1 / 64)[1]
+
+
+def test_what_ties_with_an_opaque_surface_at_a_sample_is_not_compared():
+    at = 0.5 - 2 / 16  # of the first of 4 samples, right of the image's middle
+    film = half(-30, 1)
+
+    def wall(offset):  # it cuts the film there, a little further left or right
+        corners = [(x, y, (x - at) / 20 + offset) for x, y in ((-30, -30), (30, -30), (30, 30), (-30, 30))]
+        return ab.Mesh(corners, [[0, 1, 2], [0, 2, 3]], (0.1, 0.2, 0.3), opaque=True)
+
+    one, other = ([film, wall(offset)] for offset in (-1e-7, 1e-7))
+    images = [rendered(scene, SQUARES, samples=4).image for scene in (one, other)]
+    assert np.abs(images[0] - images[1]).max() > 0.05
+    assert_matches_reference(images[1], one, SQUARES, premultiplied=True, samples=4)
+
+
+@pytest.mark.parametrize("behind", [[], [half(-30, 1, -0.9, (0.1, 0.2, 0.3), opaque=True)]], ids=["nothing", "wall"])
+def test_what_ties_where_its_depth_is_taken_is_not_compared(behind):
+    """The tilted one at the pixel's centre, the flat one, which does not cover that, at a sample."""
+    corners = [(x, y, (x - 0.5) / 50) for x, y in ((-30, -30), (30, -30), (30, 30), (-30, 30))]
+    tilted = ab.Mesh(corners, [[0, 1, 2], [0, 2, 3]], (0.1, 0.2, 0.9, 0.5))
+    one, other = ([tilted, half(0.7, 1, z), *behind] for z in (-1e-7, 1e-7))
+    images = [rendered(scene, SQUARES, samples=4).image for scene in (one, other)]
+    assert np.abs(images[0] - images[1]).max() > 0.02
+    assert_matches_reference(images[1], one, SQUARES, premultiplied=True, samples=4)
+
+
+@pytest.mark.parametrize("samples", [0, 3, 4.0, "4", None, True])
+def test_wrong_samples_are_errors(samples):
+    with pytest.raises(ab.ParameterError, match="samples must be one of 1, 2, 4, 8, 16"):
+        assert_matches_reference(right_image(), SCENE, CAMERA, samples=samples)
+
+
+# ---- blends
+
+LIGHTEN = ab.Blend(
+    "max(dst, src.a * src.rgb)", lambda dst, src, depth: np.maximum(dst, src[:, 3:] * src[:, :3]), name="lighten"
+)
+
+
+def blended_scene(*blends):
+    meshes = [ab.Mesh(SCENE.triangles()[k::8], colors=few_triangles().colors[k]) for k in range(8)]
+    return [mesh.replaced(blend=blends[k % len(blends)]) for k, mesh in enumerate(meshes)]
+
+
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("blends", [ab.BLENDS, ("over", "multiply", LIGHTEN)], ids=["modes", "own"])
+def test_blends_are_the_references_too(device, samples, blends, request):
+    if device == "gpu":
+        request.getfixturevalue("needs_gpu")
+    scene, behind = blended_scene(*blends), (0.2, 0.5, 0.8, 0.5)
+    frame = ab.render(scene, CAMERA, width=WIDTH, height=HEIGHT, device=device, samples=samples, background=behind)
+    assert_matches_reference(frame, scene, CAMERA, background=behind, samples=samples, tolerance=1e-4)
+    plain = [mesh.replaced(blend="over") for mesh in scene]
+    assert "differs" in failure(frame, plain, background=behind, samples=samples)
+
+
+@pytest.mark.parametrize("blends", [ab.BLENDS, ("multiply", LIGHTEN), ("screen", "over", LIGHTEN)])
+@pytest.mark.parametrize("name", ["flipped rows", "straight alpha"])
+def test_a_mistake_is_named_whatever_the_blends(blends, name):
+    """Also where a hypothesis makes colours that a mode, or a Blend of one's own, does not take."""
+    scene, behind = blended_scene(*blends), (0.2, 0.5, 0.8, 0.5)
+    frame = rendered(scene, background=behind)
+    image = frame.straight if name == "straight alpha" else frame.image[::-1]
+    assert best(failure(image, scene, background=behind, premultiplied=True)).startswith(f"{name}:")
+
+
+def test_a_blend_that_raises_for_colours_of_its_own_scene_only_is_no_obstacle():
+    def strict(dst, src, depth):
+        if (src > 1).any():
+            raise ValueError("colours are up to 1 here")
+        return 0.5 * dst + 0.5 * src[:, :3]
+
+    scene = blended_scene(ab.Blend(numpy=strict), "over")
+    assert best(failure(rendered(scene).image[::-1], scene, premultiplied=True)).startswith("flipped rows:")
 
 
 # ---- a reference that shows nothing

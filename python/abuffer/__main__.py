@@ -52,6 +52,12 @@ def _parser():
     add("--alpha", type=float, metavar="A", help="multiplies the models' alpha, 0 to 1")
     add("--color", metavar="COLOR", help="r,g,b or r,g,b,a, 0 to 1, instead of the models' own")
     add("--opaque", action="store_true", help="draw the models opaque")
+    add(
+        "--blend",
+        metavar="MODE",
+        help=f"{', '.join(ab.BLENDS[:-1])} or {ab.BLENDS[-1]}, for all models (default: over); "
+        "any but over makes opaque models translucent",
+    )
     add("--shade", action="store_true", help="Lambert shading")
     add(
         "--background", default="0,0,0,0", metavar="COLOR", help="grey, r,g,b or r,g,b,a, 0 to 1 (default: transparent)"
@@ -72,6 +78,7 @@ def _parser():
         default="auto",
         help="cpu, gpu (the best adapter), part of a name that `abuffer devices` prints, or auto (default)",
     )
+    add("--samples", type=int, default=1, metavar="N", help="samples a pixel: 1 (default), 2, 4, 8 or 16 smooth edges")
     add("--precision", default="float32", help="float32 (default) or float64")
     add("--memory", metavar="BYTES", help='limit for lists and scratch, such as "2GiB"')
 
@@ -91,10 +98,15 @@ def _render(given):
     background = _numbers("--background", given.background)
     color = None if given.color is None else _numbers("--color", given.color)
     up = _numbers("--up", given.up)
+    opaque, blend = given.opaque or None, given.blend
+    if blend not in (None, "over"):
+        if opaque:
+            raise ab.ParameterError(f"--opaque surfaces are not blended: leave it out, or leave out --blend {blend}")
+        opaque = False  # materials of a glTF are opaque unless they say otherwise
     with _status("rendering"):
         scene = ab.Scene()
         for model in given.models:
-            scene.add(model, color=color, alpha=given.alpha, opaque=given.opaque or None, shade=given.shade)
+            scene.add(model, color=color, alpha=given.alpha, blend=blend, opaque=opaque, shade=given.shade)
         frame = ab.render(
             scene,
             ab.Camera.fit(scene, azimuth=given.azimuth, elevation=given.elevation, up=up, fov_y=given.fov),
@@ -103,6 +115,7 @@ def _render(given):
             method=given.method,
             pipeline=given.pipeline,
             device=given.device,
+            samples=given.samples,
             background=background,
             fragments=lists is not None,
             precision=given.precision,

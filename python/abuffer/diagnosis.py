@@ -203,8 +203,9 @@ def _alphas(case):
         ),
         ("alpha multiplied in twice", "premultiplied colours were blended as if straight", rgb * alpha),
     ):
-        lists = _relisted(frags, color=np.concatenate([changed, np.maximum(alpha, ROUNDING)], axis=-1))
-        yield Hypothesis(name, what, given, form.of_reference(lists.composite()), compared)
+        blended = _composited(_relisted(frags, color=np.concatenate([changed, np.maximum(alpha, ROUNDING)], axis=-1)))
+        if blended is not None:
+            yield Hypothesis(name, what, given, form.of_reference(blended), compared)
 
 
 def _transfers(case):
@@ -213,13 +214,13 @@ def _transfers(case):
     given = form.of_image(case.pixels)
     plain, encoded = replace(form, srgb=False), replace(form, srgb=True)
     if form.srgb:
-        blended = _recolored(frags, encode_srgb).composite()
+        blended = _composited(_recolored(frags, encode_srgb))
         rows = (
             ("not sRGB-encoded", "pass srgb=False, or encode the image", plain, image),
             ("encoded before blending", "colours were sRGB-encoded first and blended then", plain, blended),
         )
     else:
-        blended = _recolored(frags, decode_srgb).composite()
+        blended = _composited(_recolored(frags, decode_srgb))
         rows = (
             ("sRGB-encoded", "pass srgb=True, or do not encode the image", encoded, image),
             ("blended in linear light", "colours were decoded from sRGB, blended, and encoded again", encoded, blended),
@@ -231,7 +232,8 @@ def _transfers(case):
             ),
         )
     for name, what, other, candidate in rows:
-        yield Hypothesis(name, what, given, other.of_reference(candidate), compared)
+        if candidate is not None:
+            yield Hypothesis(name, what, given, other.of_reference(candidate), compared)
 
 
 def _orders(case):
@@ -271,8 +273,9 @@ def _orders(case):
             for by, depths in _triangle_depths(case)
         ),
     ):
-        candidate = form.of_reference(_relisted(frags, taken).composite())
-        yield Hypothesis(name, what, form.of_image(case.pixels), candidate, compared)
+        blended = _composited(_relisted(frags, taken))
+        if blended is not None:
+            yield Hypothesis(name, what, form.of_image(case.pixels), form.of_reference(blended), compared)
 
 
 def _triangle_depths(case):
@@ -343,6 +346,14 @@ def shifted(camera, x, y, width, height) -> Camera:
     _, projection = camera.matrices(width, height)
     xy = projection[:2] + np.outer((2 * x / width, -2 * y / height), projection[3])
     return Camera._made(**(camera._fields() | {"xy": xy, "aspect": width / height}))
+
+
+def _composited(lists):
+    """The image of lists that a hypothesis made. None: a user's Blend, or a mode beside it, does not take them."""
+    try:
+        return lists.composite()
+    except Exception:  # of a user's own function, for colours that its scene does not have
+        return None
 
 
 def _recolored(frags, transfer):

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from . import _check, _core
+from . import _check, _core, options
 from .camera import Camera
-from .diagnosis import Case, Form, Rendering, difference, explanations, is_off, silhouette_off
+from .diagnosis import Case, Form, Rendering, difference, explanations, is_off, shifted, silhouette_off
 from .errors import ParameterError, UnsupportedError
 from .frame import Frame
 from .render import render
@@ -20,7 +20,18 @@ from .scene import as_scene
 NEAR_TIE = 1e-5  # relative depth difference that a float32 renderer may order either way
 MANY = 0.1  # of the pixels of two silhouettes: if more are in one alone, the cameras may differ
 LISTED = 12  # fragments of the worst pixel that a message lists
+SMOOTHED = 0.75  # pixels: an edge that is no nearer to a pixel's centre does not cross the pixel
 CHUNK = 1 << 21  # pixels next to edges that are looked at together
+
+# The standard patterns of Vulkan and Direct3D: right and down of the pixel's centre, in 1/16 pixel.
+POSITIONS = {
+    1: ((0, 0),),
+    2: ((4, 4), (-4, -4)),
+    4: ((-2, -6), (6, -2), (-6, 2), (2, 6)),
+    8: ((1, -3), (-1, 3), (5, 1), (-3, -5), (-5, 5), (-7, -1), (3, 7), (7, -7)),
+    16: ((1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
+         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)),
+}  # fmt: skip
 
 
 def assert_matches_reference(
@@ -29,6 +40,7 @@ def assert_matches_reference(
     camera,
     *,
     background=(0, 0, 0, 0),
+    samples=1,
     srgb=False,
     premultiplied=False,
     tolerance=1 / 255,
@@ -37,17 +49,26 @@ def assert_matches_reference(
 ):
     """Asserts that an image of any renderer is what `scene` looks like, and says what is wrong if it is not.
 
-    The reference is the exact method in float64 on the CPU, at the image's size. Compared are colour times alpha, and
-    alpha. Not compared are pixels whose centre is within `edge` pixels of a projected triangle edge, and near ties:
-    pixels in which two fragments in a row differ in depth by less than 1e-5 of it but are not exactly equal.
+    The reference is the exact method in float64 on the CPU, at the image's size, with one sample a pixel; every mesh
+    is blended by its own mode. Compared are colour times alpha, and alpha. Not compared are pixels whose centre is
+    within `edge` pixels of a projected triangle edge, and near ties: pixels in which two fragments in a row differ in
+    depth by less than 1e-5 of it but are not exactly equal.
+
+    An antialiased image, of whatever renderer, is checked with edge=0.75: that leaves out all pixels that an edge
+    crosses. If it is the mean of samples in the standard positions of Vulkan and Direct3D, give their number as
+    `samples` instead, and edges are compared too: the reference has as many then, and only pixels are left out in
+    which an edge is within `edge` of a sample or of the centre. A fragment has one colour and one depth in a pixel, as
+    in `render`; a renderer that shades or sorts each sample by itself may differ where colours are steep at an edge,
+    and where triangles cross.
 
     Args:
-        image: path of a PNG, or (H, W, 3|4) uint8 or floats, row 0 on top, or a Frame, whose `image` it then is. Of 3
-            channels RGB alone is compared, with the reference over its background, and that over black where it is
-            translucent.
-        scene: Scene or what `Scene.add` takes.
+        image: path of a PNG, or (H, W, 3|4) uint8 or floats, row 0 on top, or a Frame, whose `image` it then is, or the
+            mean of its samples if that holds samples. Of 3 channels RGB alone is compared, with the reference over its
+            background, and that over black where it is translucent.
+        scene: Scene or what `Scene.add` takes. A `Blend` in it needs its `numpy`.
         camera: Camera.
         background: straight: grey, (3|4,) or (H, W, 3|4).
+        samples: of the reference, a pixel: 1, 2, 4, 8 or 16.
         srgb: the image is sRGB-encoded. The reference is then brought into the image's form, straight or
             premultiplied, and encoded; the tolerance is in encoded values.
         premultiplied: the image's colours are; straight otherwise.
@@ -59,7 +80,7 @@ def assert_matches_reference(
     Raises:
         AssertionError: they differ, the image is not finite, no triangle is in view, or nothing is left to be
             compared.
-        ParameterError: an image of another shape, type or aspect ratio.
+        ParameterError: an image of another shape, type or aspect ratio; an array of samples, which must be averaged.
         UnsupportedError: a path is given and Pillow is not installed.
 
     Warns if under half of the pixels that show geometry are compared.
@@ -76,8 +97,11 @@ def assert_matches_reference(
     """
     __tracebackhide__ = True  # pytest then shows the caller's line
     tolerance, edge = _check.number("tolerance", tolerance, 0), _check.number("edge", edge, 0)
+    samples = options.samples(samples)
     if isinstance(image, Frame):
         image, premultiplied = image.image, True
+        if image.ndim == 4:
+            image = image.mean(axis=2, dtype=np.float64)
     pixels, clipped = _pixels(image)
     if not isinstance(camera, Camera):
         raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
@@ -85,7 +109,7 @@ def assert_matches_reference(
     scene = as_scene(scene)
 
     settings = {"background": background, "width": pixels.shape[1], "height": pixels.shape[0]}
-    settings |= {"device": "cpu", "precision": "float64"}
+    settings |= {"device": "cpu", "precision": "float64", "samples": samples}
 
     form = Form(pixels.shape[-1], bool(premultiplied), bool(srgb), clipped)
     reference, left_out = _reference(scene, camera, settings, edge)
@@ -111,7 +135,7 @@ def assert_matches_reference(
     lines = [
         *_summary(form, got, expected, distance, reference.compared, tolerance, left_out),
         *_worst(form, got, expected, distance, reference.fragments, scene),
-        *_diagnosis(case),
+        *_diagnosis(case, samples),
     ]
     if save_failure is not None:
         lines.append(f"image | reference | difference: {_save(save_failure, form, got, expected, distance)}")
@@ -223,6 +247,8 @@ def _pixels(image):
         raise ParameterError(f"image is not an array: {e}") from None
     if array.ndim != 3 or array.shape[2] not in (3, 4) or not array.size:
         hint = ": move the channels to the end" if array.ndim == 3 and array.shape[0] in (3, 4) else ""
+        if array.ndim == 4:
+            hint = ": average samples first, as premultiplied colours, image.mean(axis=2); of a batch give one image"
         raise ParameterError(f"image must have shape (H, W, 3) or (H, W, 4), got {array.shape}{hint}")
     if array.dtype == np.uint8:
         return array / 255.0, True
@@ -263,19 +289,24 @@ def _assert_finite(pixels):
 
 def _reference(scene, camera, settings, edge):
     """The reference, and what of it is not compared, in words. `settings` are those of `render`."""
+    width, height, samples = (settings[name] for name in ("width", "height", "samples"))
     frame = render(scene, camera, fragments=True, **settings)
-    lists = frame.fragments
+    seen = [camera]  # from the centre, and from each sample
+    if samples > 1:
+        seen += [shifted(camera, -x / 16, -y / 16, width, height) for x, y in POSITIONS[samples]]
+    lists = [frame.fragments]
     if any(mesh.opaque for mesh in scene.meshes):
-        # What is opaque ties too, with what is next to it and with other opaque surfaces.
-        lists = render(scene, camera, fragments="all", **settings).fragments
-    band = edge_band(scene, camera, settings["width"], settings["height"], edge)
-    ties = _near_ties(lists) & ~band
+        # What is opaque ties too, with what is next to it and with other opaque surfaces, and in each sample apart.
+        lists += [render(scene, at, fragments="all", **settings | {"samples": 1}).fragments for at in seen]
+    band = np.any([edge_band(scene, at, width, height, edge) for at in seen], axis=0)
+    ties = np.any([_near_ties(frags) for frags in lists], axis=0) & ~band
     compared = ~(band | ties)
+    near = "an edge" if samples == 1 else "an edge, at a sample or the centre"
     left_out = (
-        f"{int(band.sum()):,} pixels ({band.mean():.2%}) are within {edge:.3g} px of an edge, "
+        f"{int(band.sum()):,} pixels ({band.mean():.2%}) are within {edge:.3g} px of {near}, "
         f"{int(ties.sum()):,} ({ties.mean():.2%}) have near ties in depth"
     )
-    shown = lists.counts > 0  # in lists with opaque surfaces, if there are any
+    shown = np.any([frags.counts > 0 for frags in lists], axis=0)
     if compared.any() and shown.any() and compared[shown].mean() < 0.5:
         share = f"{compared[shown].mean():.0%} of the pixels that show geometry"
         warnings.warn(f"only {share} are compared: {left_out}", UserWarning, stacklevel=3)
@@ -294,13 +325,14 @@ def _nothing_in_view(scene, shape):
 
 
 def _near_ties(frags):
-    """(H, W) bool: pixels in which two fragments in a row are so close that float32 may swap them."""
-    nearer, farther = frags.depth[:-1], frags.depth[1:]
-    pixel = frags.pixel
-    close = (pixel[1:] == pixel[:-1]) & (farther - nearer < NEAR_TIE * np.abs(farther))
-    close &= frags.key[1:] != frags.key[:-1]
+    """(H, W) bool: pixels in which two fragments in a row, of one sample, are so close that float32 may swap them."""
     ties = np.zeros(frags.shape[0] * frags.shape[1], dtype=bool)
-    ties[pixel[1:][close]] = True
+    for sample in range(frags.samples):
+        there = slice(None) if frags.coverage is None else frags.coverage >> sample & 1 == 1
+        pixel, depth, key = frags.pixel[there], frags.depth[there], frags.key[there]
+        nearer, farther = depth[:-1], depth[1:]
+        close = (pixel[1:] == pixel[:-1]) & (farther - nearer < NEAR_TIE * np.abs(farther)) & (key[1:] != key[:-1])
+        ties[pixel[1:][close]] = True
     return ties.reshape(frags.shape)
 
 
@@ -319,34 +351,64 @@ def _summary(form, got, expected, distance, compared, tolerance, left_out):
 def _worst(form, got, expected, distance, frags, scene):
     y, x = (int(i) for i in np.unravel_index(distance.argmax(), distance.shape))
     yield f"worst pixel [y, x] = [{y}, {x}]: got {_numbers(got[y, x])}, expected {_numbers(expected[y, x])}"
-    rows = frags[y, x]
+    rows, behind = frags[y, x], _behind(frags.background[y, x])
     if not len(rows):
-        yield f"no translucent fragment there; behind it {_numbers(frags.background[y, x])}, straight RGBA"
+        yield f"no translucent fragment there; behind it {behind}, straight RGBA"
         return
     mesh, face = scene.locate(rows.primitive[:LISTED])
     yield f"its {len(rows)} fragments, front to back:" if len(rows) > 1 else "its only fragment:"
-    yield f"  {'depth':>12}  {'straight RGBA':<32}  primitive  mesh"
+    wide = max(frags.samples, len("samples"))
+    title = f"{'samples':<{wide}}  " if frags.samples > 1 else ""
+    yield f"  {'depth':>12}  {'straight RGBA':<32}  {title}primitive  mesh"
     for row, m, f in zip(rows[:LISTED], mesh, face, strict=True):
         name = scene.meshes[m].name or f"mesh {m}"
-        yield f"  {row.depth:>12.7g}  {_numbers(row.color):<32}  {row.primitive:>9}  {name}, face {f}"
+        mask = f"{f'{row.coverage:0{frags.samples}b}':<{wide}}  " if frags.samples > 1 else ""
+        yield f"  {row.depth:>12.7g}  {_numbers(row.color):<32}  {mask}{row.primitive:>9}  {name}, face {f}"
     if len(rows) > LISTED:
         yield f"  and {len(rows) - LISTED} more behind them"
-    yield f"  behind them {_numbers(frags.background[y, x])}, straight RGBA, opaque surfaces included"
+    yield f"  behind them {behind}, straight RGBA, opaque surfaces included"
 
 
-def _diagnosis(case):
+def _behind(background):
+    """A pixel's background (4,), or that of its samples (S, 4), in words."""
+    colors, counts = np.unique(background.reshape(-1, 4), axis=0, return_counts=True)
+    if len(colors) == 1:
+        return _numbers(colors[0])
+    each = zip(colors, counts, strict=True)
+    return ", ".join(f"{_numbers(color)} in {count} sample{'s' if count > 1 else ''}" for color, count in each)
+
+
+def _diagnosis(case, samples):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what is left out of a hypothesis is no news
         found, tried = explanations(case)
     if not found:
         yield f"none of the usual mistakes explains it; tried: {', '.join(tried)}"
+        agreeing = _smoothed(case)
+        if agreeing:
+            yield (
+                f"all of them are next to edges, and the {agreeing:,} others that show geometry agree: edges may be "
+                f"smoothed in another way than by samples={samples}, so give the image's own samples=, or edge={SMOOTHED}"
+            )
         share = silhouette_off(case)
-        if share > MANY:
+        if share > MANY and not agreeing:
             yield f"the silhouettes differ in {share:.0%} of the pixels that either one covers: check the camera"
         return
     yield "what would explain it, best first (and how many of the pixels would still be off):"
     for name, what, share in found:
         yield f"  {name}: {what} ({share:.2%} off)"
+
+
+def _smoothed(case):
+    """How many pixels show geometry and no edge, if all of these agree and many of those with an edge are off; or 0."""
+    height, width = case.pixels.shape[:2]
+    crossed = edge_band(case.scene, case.camera, width, height, SMOOTHED)
+    compared, shown = case.rendering.compared, case.rendering.shown
+    form = case.form
+    off = is_off(difference(form.of_image(case.pixels), form.of_reference(case.rendering.image)), case.tolerance)
+    if (off & compared & ~crossed).any() or (off & compared).sum() <= MANY * (crossed & compared).sum():
+        return 0
+    return int((compared & shown & ~crossed).sum())
 
 
 def _save(where, form, got, expected, distance):
