@@ -198,9 +198,15 @@ pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
         (true, false) => (line_of_four, message_of_four),
         _ => (line, message),
     };
+    // What a parser expects next is seldom what is missing.
+    let hint = if is_body || !message.starts_with("expected") {
+        ""
+    } else {
+        " (an expression has no `;`, and a function body needs a `return`)"
+    };
     let line = line.saturating_sub(lines_before).clamp(1, text.lines().count().max(1));
     let own = text.lines().nth(line - 1).unwrap_or_default().trim();
-    Err(Error::Shader { file: name.into(), line, message: format!("{message}, in `{own}`") })
+    Err(Error::Shader { file: name.into(), line, message: format!("{message}, in `{own}`{hint}") })
 }
 
 /// The message at the root of an error: those around it speak of functions that are not the user's.

@@ -22,6 +22,7 @@ def adapter(name, kind, lacks=None):
         "driver": "of a test",
         "max_binding": 2**27,
         "lacks": lacks,
+        "samples": [1, 2, 4, 8],
     }
 
 
@@ -47,10 +48,12 @@ def machine(monkeypatch):
     return has
 
 
-def chosen(device="auto", pipeline="auto", precision="float32"):
+def chosen(device="auto", pipeline="auto", precision="float32", **wants):
     """The adapter's place, None for the CPU, and the plan's rows by what they are about, as `render` gets them."""
     plan = []
-    place, which = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan)
+    place, which = tables.choose(
+        pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, tables.Wants(**wants)
+    )
     plan = {what: (choice, why) for what, choice, why in plan}
     assert which == plan["pipeline"][0]
     return place, plan
@@ -166,6 +169,29 @@ def test_adapters_are_looked_for_once_a_process_even_from_many_threads(monkeypat
 
 
 # ---- what auto means ----
+
+
+def test_auto_with_more_samples_than_a_gpu_has_is_the_cpu(machine):
+    machine(LARGE, SMALL)
+    assert chosen(samples=8)[0] == 0
+    place, plan = chosen(samples=16)
+    assert place is None
+    assert plan["device"] == ("cpu", "no real GPU here has 16 samples a pixel")
+
+
+def test_auto_with_a_blend_that_only_numpy_has_is_the_cpu(machine):
+    machine(LARGE)
+    place, plan = chosen(numpy=True)
+    assert place is None
+    assert "wgsl" in plan["device"][1]
+
+
+def test_lists_come_back_through_prefix_sum_on_a_real_gpu_unless_a_pipeline_is_named(machine):
+    machine(LARGE, SOFTWARE)
+    assert chosen()[1]["pipeline"][0] == "linked_list"
+    assert chosen(lists=True)[1]["pipeline"][0] == "prefix_sum"
+    assert chosen(lists=True, pipeline="linked_list")[1]["pipeline"][0] == "linked_list"
+    assert chosen(lists=True, device="softpipe")[1]["pipeline"][0] == "linked_list"
 
 
 def test_auto_is_the_best_real_gpu(machine):

@@ -103,10 +103,11 @@ def render(
     camera = camera._at(width, height)
     background = _check.background(background, (height, width))
     plan = []
-    adapter, pipeline = tables.choose(
-        pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, fragments in (True, "all")
-    )
     own = own_blends(mesh.blend for mesh in scene.meshes)
+    wants = tables.Wants(
+        lists=fragments in (True, "all"), samples=samples, numpy=any(blend.wgsl is None for blend in own)
+    )
+    adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
     request = all_of(options, pipeline) | {
         "width": width,

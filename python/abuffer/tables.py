@@ -2,6 +2,7 @@
 
 import os
 import threading
+from typing import NamedTuple
 
 from . import _core
 from .errors import DeviceError, ParameterError, UnsupportedError
@@ -99,18 +100,27 @@ def devices() -> Table:
     return table
 
 
-def choose(pipeline, device, precision, environment, plan, wants_lists=False):
+class Wants(NamedTuple):
+    """What a render asks of a device."""
+
+    lists: bool = False  # that come back
+    samples: int = 1  # a pixel
+    numpy: bool = False  # a Blend that has nothing for GPUs
+
+
+def choose(pipeline, device, precision, environment, plan, wants=None):
     """The adapter's place in `_core.adapters()`, None for the CPU, and the pipeline; what and why goes into `plan`.
 
     Args:
         environment: what ABUFFER_DEVICE says "auto" means.
-        wants_lists: the fragments are to come back.
+        wants: Wants; "auto" takes a GPU only if it can do all of it.
     """
+    wants = wants or Wants()
     if not isinstance(device, str) or not device:
         raise ParameterError(f'device must be "auto", "cpu", "gpu" or a part of a name, got {device!r}')
     if precision == "float64" and device.lower() == "gpu":
         raise ParameterError(FLOAT64)
-    adapter, why = _auto(pipeline, precision, environment) if device.lower() == "auto" else _named(device)
+    adapter, why = _auto(pipeline, precision, environment, wants) if device.lower() == "auto" else _named(device)
     if adapter is None:
         plan.append(("device", "cpu", why))
         if pipeline in ON_GPU:
@@ -128,7 +138,7 @@ def choose(pipeline, device, precision, environment, plan, wants_lists=False):
     plan.append(("device", f"{found['name']}{software}", why))
     if pipeline != "auto":
         reason = "as asked"
-    elif wants_lists and not software:
+    elif wants.lists and not software:
         # Measured on an H100: 0.85 to 1.01 times the time of linked lists, which are faster on software drivers.
         pipeline, reason = "prefix_sum", "lists come back faster where they lie side by side"
     else:
@@ -140,7 +150,7 @@ def choose(pipeline, device, precision, environment, plan, wants_lists=False):
 FLOAT64 = 'precision "float64" is the CPU\'s: give device="cpu" or "auto"'
 
 
-def _auto(pipeline, precision, environment):
+def _auto(pipeline, precision, environment, wants):
     """What precision and pipeline leave open, the environment decides; what it leaves open, the hardware."""
     if precision == "float64":
         return None, "float64 is the CPU's"
@@ -156,8 +166,13 @@ def _auto(pipeline, precision, environment):
     if pipeline in ON_GPU:
         return _named("gpu")
     real = [i for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
+    enough = [i for i in real if wants.samples in _adapters()[i]["samples"]]
+    if real and wants.numpy:
+        return None, "a Blend here has no wgsl for GPUs"
+    if enough:
+        return enough[0], "the best real GPU"
     if real:
-        return real[0], "the best real GPU"
+        return None, f"no real GPU here has {wants.samples} samples a pixel"
     software = ", ".join(a["name"] for a in _adapters())
     return None, f"no real GPU here; {software} would run if named" if software else "no GPU here"
 

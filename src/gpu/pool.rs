@@ -12,6 +12,9 @@ pub const DEFAULT_MEMORY: u64 = 2 << 30;
 /// Bytes of scratch for a node of a long list: two entries, each padded to at most twice its number.
 pub const SCRATCH_BYTES: u64 = 16;
 
+/// Bytes of a pixel beside its nodes: head, cursor, and its place in a class, twice.
+const PIXEL_BYTES: u64 = 16;
+
 /// A rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rect {
@@ -151,7 +154,7 @@ impl Pool {
 
 /// What `memory=` and the device allow.
 pub struct Budget {
-    /// Pixels of a rectangle: heads take at most a quarter of the memory.
+    /// Pixels of a rectangle: what each has beside its nodes takes at most a quarter of the memory.
     pub pixels: u64,
     /// Nodes of the pool.
     pub nodes: u64,
@@ -177,7 +180,10 @@ impl Budget {
         let colors =
             if variant.per_sample() { u64::from(variant.layout.samples) } else { image_samples(variant) };
         Self {
-            pixels: (memory / 16).min(binding / (16 * colors)).min(variant.layout.format.most_nodes()).max(1),
+            pixels: (memory / 4 / PIXEL_BYTES)
+                .min(binding / (16 * colors))
+                .min(variant.layout.format.most_nodes())
+                .max(1),
             nodes: affordable.min(bindable),
             scratch: (2 * affordable).max(1024).min(binding / 4),
             memory,
