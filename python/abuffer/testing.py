@@ -23,16 +23,6 @@ LISTED = 12  # fragments of the worst pixel that a message lists
 SMOOTHED = 0.75  # pixels: an edge that is no nearer to a pixel's centre does not cross the pixel
 CHUNK = 1 << 21  # pixels next to edges that are looked at together
 
-# The standard patterns of Vulkan and Direct3D: right and down of the pixel's centre, in 1/16 pixel.
-POSITIONS = {
-    1: ((0, 0),),
-    2: ((4, 4), (-4, -4)),
-    4: ((-2, -6), (6, -2), (-6, 2), (2, 6)),
-    8: ((1, -3), (-1, 3), (5, 1), (-3, -5), (-5, 5), (-7, -1), (3, 7), (7, -7)),
-    16: ((1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
-         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)),
-}  # fmt: skip
-
 
 def assert_matches_reference(
     image,
@@ -293,7 +283,7 @@ def _reference(scene, camera, settings, edge):
     frame = render(scene, camera, fragments=True, **settings)
     seen = [camera]  # from the centre, and from each sample
     if samples > 1:
-        seen += [shifted(camera, -x / 16, -y / 16, width, height) for x, y in POSITIONS[samples]]
+        seen += [shifted(camera, -x / 16, -y / 16, width, height) for x, y in _core.sample_positions(samples)]
     lists = [frame.fragments]
     if any(mesh.opaque for mesh in scene.meshes):
         # What is opaque ties too, with what is next to it and with other opaque surfaces, and in each sample apart.

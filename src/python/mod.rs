@@ -21,7 +21,7 @@ use crate::png::encode;
 use crate::real::Real;
 use crate::render;
 use crate::resolve::Resolve;
-use crate::samples::check_samples;
+use crate::samples::{check_samples, pattern};
 use crate::scene::Scene;
 use crate::shader::user_blend;
 use output::to_dict;
@@ -32,7 +32,9 @@ mod _core {
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
-    use super::{adapters, check_blend, composite, encode_png, methods, render_cpu, render_gpu};
+    use super::{
+        adapters, check_blend, composite, encode_png, methods, render_cpu, render_gpu, sample_positions,
+    };
 }
 
 mod errors {
@@ -183,6 +185,12 @@ fn composite<'py>(
 fn check_blend(name: &str, wgsl: &str) -> PyResult<()> {
     user_blend(0, name, wgsl)?;
     Ok(())
+}
+
+/// Where the samples of a pixel lie: right and down of its centre, in 1/16 pixel.
+#[pyfunction]
+fn sample_positions(samples: u32) -> PyResult<Vec<(i32, i32)>> {
+    Ok(pattern(check_samples(samples)?).to_vec())
 }
 
 /// PNG bytes of an (H, W, 4) uint8 array.
