@@ -14,7 +14,11 @@ fn cs_gather(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     if counter[1] > 0u || node >= min(counter[0], band.capacity) {
         return;
     }
-    let place = atomicAdd(&cursors[next_of(node)], 1u);
+    let pixel = next_of(node);
+    if pixel >= band.width * band.height {
+        return; // a node that was handed out and not written is no more than missing
+    }
+    let place = atomicAdd(&cursors[pixel], 1u);
     // Where nodes are missing, lists are longer than what there is; the host discards them.
     if place < band.capacity {
         for (var i = 0u; i < NODE_WORDS; i++) {

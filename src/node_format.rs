@@ -114,21 +114,27 @@ impl NodeLayout {
     /// What a node holds of its fragment.
     pub fn decode(&self, node: &[u32], codes: &DepthCodes) -> Decoded {
         let unorm8 = |word: u32| word.to_le_bytes().map(|b| f32::from(b) / 255.0);
-        let (key, color) = match self.format {
-            Float32 => (node[1], [node[2], node[3], node[4], node[5]].map(f32::from_bits)),
-            Rgba8Depth32 => (node[1], unorm8(node[2])),
-            Rgba8Depth24Coverage8 => (codes.key(node[1] >> 8), unorm8(node[2])),
+        // What is stored decides the order: distinct codes may stand for one float32 value.
+        let code = match self.format {
+            Float32 | Rgba8Depth32 => node[1],
+            Rgba8Depth24Coverage8 | Rgb9e5Alpha8Depth24 => node[1] >> 8,
+            Rgb565Depth16 => node[0] & 0xffff,
+        };
+        let key = if self.format.last_code().is_some() { codes.key(code) } else { code };
+        let color = match self.format {
+            Float32 => [node[2], node[3], node[4], node[5]].map(f32::from_bits),
+            Rgba8Depth32 | Rgba8Depth24Coverage8 => unorm8(node[2]),
             Rgb565Depth16 => {
                 let c = node[0];
                 let rgba = [c >> 27, c >> 21 & 63, c >> 16 & 31, node[1] >> 24];
                 let most = [31.0, 63.0, 31.0, 255.0];
-                (codes.key(c & 0xffff), std::array::from_fn(|i| rgba[i] as f32 / most[i]))
+                std::array::from_fn(|i| rgba[i] as f32 / most[i])
             }
             Rgb9e5Alpha8Depth24 => {
                 let c = node[2];
                 let scale = f32::from_bits(((c >> 27) + 127 - 24) << 23);
                 let [r, g, b] = [c & 511, c >> 9 & 511, c >> 18 & 511].map(|m| m as f32 * scale);
-                (codes.key(node[1] >> 8), [r, g, b, (node[1] & 255) as f32 / 255.0])
+                [r, g, b, (node[1] & 255) as f32 / 255.0]
             }
         };
         let order = if self.has_order { node[self.order_word() as usize] } else { 0 };
@@ -144,13 +150,15 @@ impl NodeLayout {
             (true, false) => spare >> 4,
         };
         let primitive = if self.mixed { !order >> 4 & 0x7ff_ffff } else { !order & 0x7fff_ffff };
-        Decoded { key, order, color, coverage, mode: mode as u8, primitive: primitive as i32 }
+        Decoded { code, key, order, color, coverage, mode: mode as u8, primitive: primitive as i32 }
     }
 }
 
 /// A fragment as a node held it.
 #[derive(Debug, Clone, Copy)]
 pub struct Decoded {
+    /// What was sorted by, then the order.
+    pub code: u32,
     pub key: u32,
     pub order: u32,
     pub color: [f32; 4],

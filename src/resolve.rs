@@ -210,7 +210,7 @@ fn one<T: Real, B: Blender<T>>(
 /// Bright samples count less, so that one of them does not wash out an edge (section 2.8.3's HDR-correct
 /// resolve).
 fn hdr_weight<T: Real>([r, g, b, _]: [T; 4]) -> T {
-    T::ONE / (T::ONE + r.larger(g).larger(b))
+    T::ONE / (T::ONE + r.larger(g).larger(b).larger(T::ZERO))
 }
 
 fn weighted_mean<T: Real>(samples: &[[T; 4]], weight: impl Fn([T; 4]) -> T) -> [T; 4] {

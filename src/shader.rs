@@ -168,6 +168,7 @@ pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
             let line = e.location(text).map_or(1, |l| l.line_number as usize);
             (line, e.message().to_string())
         })?;
+        pure(&module).map_err(|what| (1 + lines_before, what.to_string()))?;
         let mut validator = naga::valid::Validator::new(
             naga::valid::ValidationFlags::all(),
             naga::valid::Capabilities::empty(),
@@ -207,6 +208,58 @@ pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
     let line = line.saturating_sub(lines_before).clamp(1, text.lines().count().max(1));
     let own = text.lines().nth(line - 1).unwrap_or_default().trim();
     Err(Error::Shader { file: name.into(), line, message: format!("{message}, in `{own}`{hint}") })
+}
+
+/// A blend is one function of its arguments: what it says must mean the same wherever it is put.
+fn pure(module: &naga::Module) -> std::result::Result<(), &'static str> {
+    if module.functions.len() != 1 || !module.global_variables.is_empty() || !module.entry_points.is_empty() {
+        return Err(
+            "it must be one expression or one function's body, with no other function and no variable outside",
+        );
+    }
+    let of_neighbours = |(_, function): (_, &naga::Function)| {
+        let derives = |(_, e): (_, &naga::Expression)| matches!(e, naga::Expression::Derivative { .. });
+        function.expressions.iter().any(derives) || block_has(&function.body, &is_collective)
+    };
+    if module.functions.iter().any(of_neighbours) {
+        return Err("it must not derive, wait or discard: a fragment is blended by itself");
+    }
+    Ok(())
+}
+
+fn is_collective(statement: &naga::Statement) -> bool {
+    use naga::Statement::*;
+    matches!(
+        statement,
+        Kill | ControlBarrier(_)
+            | MemoryBarrier(_)
+            | WorkGroupUniformLoad { .. }
+            | SubgroupBallot { .. }
+            | SubgroupGather { .. }
+            | SubgroupCollectiveOperation { .. }
+    )
+}
+
+/// Whether a statement is in a block, however deep.
+fn block_has(block: &naga::Block, wanted: &impl Fn(&naga::Statement) -> bool) -> bool {
+    use naga::Statement::*;
+    block.iter().any(|statement| {
+        wanted(statement)
+            || match statement {
+                Block(inner) => block_has(inner, wanted),
+                If { accept, reject, .. } => block_has(accept, wanted) || block_has(reject, wanted),
+                Switch { cases, .. } => cases.iter().any(|case| block_has(&case.body, wanted)),
+                Loop { body, continuing, .. } => block_has(body, wanted) || block_has(continuing, wanted),
+                _ => false,
+            }
+    })
+}
+
+/// Whether a checked blend loops.
+pub fn has_loop(blend: &str) -> bool {
+    let is_loop = |statement: &naga::Statement| matches!(statement, naga::Statement::Loop { .. });
+    naga::front::wgsl::parse_str(blend)
+        .is_ok_and(|module| module.functions.iter().any(|(_, f)| block_has(&f.body, &is_loop)))
 }
 
 /// The message at the root of an error: those around it speak of functions that are not the user's.
@@ -254,6 +307,10 @@ mod tests {
             ("dst.r", 1, "vec3f"),
             ("dst +", 1, ""),
             ("1.0; } fn f() { return", 1, ""),
+            ("return f(dst); } fn f(x: vec3f) -> vec3f { return x;", 1, "one function"),
+            ("dst + dpdx(src.rgb)", 1, "derive"),
+            ("if src.a > 0.5 { discard; }\nreturn dst;", 1, "discard"),
+            ("workgroupBarrier();\nreturn dst;", 1, "wait"),
         ] {
             match user_blend(0, "glass", text) {
                 Err(Error::Shader { file, line: found, message }) => {

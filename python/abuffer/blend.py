@@ -12,6 +12,7 @@ from .errors import ParameterError
 BLENDS = ("over", "additive", "multiply", "screen", "premultiplied")
 AT_MOST_ONE = ("multiply", "screen")  # more than 1 would make what lies behind negative, or brighter by multiplying
 MOST_OWN = 11  # ids have 4 bits
+LONGEST_TEXT = 4000  # of a WGSL blend: a compiler recurses into what is nested
 
 
 class Blend:
@@ -44,6 +45,8 @@ class Blend:
         if wgsl is not None and (not isinstance(wgsl, str) or not wgsl.strip()):
             hint = ": give a callable as numpy=" if callable(wgsl) else ""
             raise ParameterError(f"wgsl must be the text of a WGSL expression or function body, got {wgsl!r}{hint}")
+        if wgsl is not None and (len(wgsl) > LONGEST_TEXT or not _is_unicode(wgsl)):
+            raise ParameterError(f"wgsl must be Unicode text of at most {LONGEST_TEXT} characters, got {len(wgsl)}")
         if numpy is not None and not callable(numpy):
             raise ParameterError(f"numpy must be a callable of (dst, src, depth), got {numpy!r}")
         if name is not None and not isinstance(name, str):
@@ -98,6 +101,14 @@ class Blend:
         result = result.astype(np.float64)
         _check.first_bad(name, ~np.isfinite(result), result, "colours must be finite", ParameterError)
         return result
+
+
+def _is_unicode(text):
+    try:
+        text.encode()
+    except UnicodeEncodeError:  # half of a surrogate pair
+        return False
+    return True
 
 
 def _rebuild(wgsl, numpy, name):

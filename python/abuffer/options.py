@@ -59,12 +59,12 @@ LARGEST_COLOR = {
 }
 
 
-def warn_of_clamping(node_format, meshes):
-    """Warns where a node format cannot hold the colours of a mesh."""
+def warn_of_clamping(node_format, meshes, lists_opaque):
+    """Warns where a node format cannot hold the colours of a mesh that is listed."""
     largest = LARGEST_COLOR.get(node_format, np.inf)
     for mesh in meshes:
         most = mesh.colors[..., :3].max(initial=0)
-        if most > largest and not mesh.opaque:
+        if most > largest and (lists_opaque or not mesh.opaque):
             of = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
             warnings.warn(
                 f"node_format {node_format!r} clamps colours to {largest:g}, and those of {of} reach {most:g}: "

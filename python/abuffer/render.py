@@ -103,7 +103,8 @@ def render(
     camera = camera._at(width, height)
     background = _check.background(background, (height, width))
     plan = []
-    own = own_blends(mesh.blend for mesh in scene.meshes)
+    meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
+    own = own_blends(mesh.blend for mesh in meshes)
     wants = tables.Wants(
         lists=fragments in (True, "all"), samples=samples, numpy=any(blend.wgsl is None for blend in own)
     )
@@ -118,8 +119,8 @@ def render(
         "pipeline": pipeline,
         "blends": [(blend.name or "blend", blend.wgsl) for blend in own],
     }
-    warn_of_clamping(request["node_format"], scene.meshes)
-    parts = [mesh._parts(own) for mesh in scene.meshes]
+    warn_of_clamping(request["node_format"], meshes, fragments == "all")
+    parts = [mesh._parts(own) for mesh in meshes]
     view = camera._parts(width, height)
     dtype = np.float64 if precision == "float64" else np.float32
     behind = np.ascontiguousarray(background, dtype) if background.ndim == 3 else background.astype(np.float64).tolist()

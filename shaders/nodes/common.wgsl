@@ -28,6 +28,17 @@ fn order_of(node: u32) -> vec2u {
     return vec2u(key, tie_of(node));
 }
 
+// Whether two neighbours of a sorted list are pieces of one triangle, which hardware may cut where they meet inside a
+// pixel: they have one key and order, and are one fragment.
+fn are_pieces(a: vec2u, b: vec2u) -> bool {
+    return SAMPLES > 1u && HAS_ORDER && all(a == b);
+}
+
+// For the last submitted first: by primitive, whether opaque or not.
+fn by_primitive(own: vec2u) -> vec2u {
+    return vec2u(own.y & 0x7fffffffu, own.x);
+}
+
 fn coverage_of(node: u32) -> u32 {
     if SAMPLES == 1u {
         return 1u;

@@ -38,13 +38,12 @@ fn all_done() -> bool {
     return done;
 }
 
-// Entries of the first LIMIT fragments of a sorted array. Hardware may cut a triangle into pieces that meet inside a
-// pixel: they have one key and order, and are one fragment.
+// Entries of the first LIMIT fragments of a sorted array.
 fn limited(n: u32, counts_dropped: bool) -> u32 {
     var fragments = 0u;
     var kept = n;
     for (var k = 0u; k < n; k++) {
-        let is_piece = SAMPLES > 1u && HAS_ORDER && k > 0u && all(order[k] == order[max(k, 1u) - 1u]);
+        let is_piece = k > 0u && are_pieces(order[k], order[max(k, 1u) - 1u]);
         fragments += u32(!is_piece);
         if fragments > LIMIT {
             kept = min(kept, k);
@@ -59,12 +58,12 @@ fn limited(n: u32, counts_dropped: bool) -> u32 {
 // Keeps the fragments of the greatest primitives, where a reverse list has them.
 fn keep_last_submitted(n: u32, counts_dropped: bool) -> u32 {
     for (var i = 0u; i < n; i++) {
-        order[i] = order[i].yx;
+        order[i] = by_primitive(order[i]);
     }
     sort_entries(n);
     let kept = limited(n, counts_dropped);
     for (var i = 0u; i < kept; i++) {
-        order[i] = order[i].yx;
+        order[i] = order_of(entries[i]);
     }
     return kept;
 }

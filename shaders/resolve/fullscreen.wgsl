@@ -1,5 +1,6 @@
 // The resolve as the chapter draws it: a full-screen pass, in which the stencil that the build incremented keeps
-// empty pixels away (GPU Pro 2, section 2.8.2). One draw a class; it writes to the same buffers as the dispatch.
+// empty pixels away (GPU Pro 2, section 2.8.2); with several samples there is no such stencil (section 2.8.3). One draw
+// a class; it writes to the same buffers as the dispatch.
 
 @vertex
 fn vs_resolve(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -7,12 +8,7 @@ fn vs_resolve(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
-// `mask`: covered samples. Hardware may cut the triangle where the screen ends, into pieces that meet inside pixels:
-// the one that covers the first sample resolves.
-fn resolve_at(position: vec4f, mask: u32) {
-    if (mask & 1u) == 0u {
-        return;
-    }
+fn resolve_at(position: vec4f) {
     let at = vec2u(position.xy) - vec2u(band.x0, band.y0);
     if at.x >= band.width || at.y >= band.height {
         return;

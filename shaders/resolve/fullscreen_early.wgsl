@@ -2,6 +2,6 @@
 
 @fragment
 @early_depth_test(force)
-fn fs_resolve(@builtin(position) position: vec4f, @builtin(sample_mask) mask: u32) {
-    resolve_at(position, mask);
+fn fs_resolve(@builtin(position) position: vec4f) {
+    resolve_at(position);
 }

@@ -106,11 +106,10 @@ fn order_of_entry(entry: u32) -> vec2u {
         return vec2u(NONE);
     }
     let own = order_of(entry);
-    return select(own, own.yx, current.by_order == 1u);
+    return select(own, by_primitive(own), current.by_order == 1u);
 }
 
-// How many entries the first LIMIT fragments are, of sorted lists: pieces of one triangle have one key and order, and
-// are one fragment.
+// How many entries the first LIMIT fragments of a sorted list are.
 @compute @workgroup_size(64)
 fn cs_limit(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = flat_index(id, groups);
@@ -125,7 +124,7 @@ fn cs_limit(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
     for (var trips = band.trip_budget; trips > 0u && k < count; trips--) {
         var is_piece = false;
         if k > 0u {
-            is_piece = all(order_of(from_entries[first + k]) == order_of(from_entries[first + k - 1u]));
+            is_piece = are_pieces(order_of(from_entries[first + k]), order_of(from_entries[first + k - 1u]));
         }
         fragments += u32(!is_piece);
         if fragments > LIMIT {

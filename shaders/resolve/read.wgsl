@@ -47,7 +47,8 @@ fn place_of(pixel: u32) -> vec2u {
 
 fn weight_of(color: vec4f) -> f32 {
     if MSAA_RESOLVE == MSAA_HDR {
-        return 1.0 / (1.0 + max(color.r, max(color.g, color.b)));
+        // A user's blend may go below 0.
+        return 1.0 / (1.0 + max(0.0, max(color.r, max(color.g, color.b))));
     }
     return 1.0;
 }

@@ -50,6 +50,8 @@ pub struct Gpu {
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
 
+/// Variants whose pipelines are kept.
+const MOST_VARIANTS: usize = 256;
 /// Storage buffers that the stages for long lists bind.
 const STORAGE_BUFFERS: u32 = 12;
 /// What the list pipelines use where it exists.
@@ -267,6 +269,9 @@ impl Gpu {
         let mut all = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = all.get(variant) {
             return found.clone();
+        }
+        if all.len() >= MOST_VARIANTS {
+            all.clear(); // whoever tries thousands of blends or limits
         }
         let made = Arc::new(Pipelines::new(self, variant.clone()));
         all.insert(variant.clone(), made.clone());

@@ -64,15 +64,16 @@ pub fn render(
     };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     // Where nothing is listed opaque surfaces are all that shows; lists are composited over them again.
-    let behind = (variant.hides && (wants_lists || rect.is_none()))
+    let whole = Rect { x0: 0, y0: 0, w: width, h: height };
+    let behind = (variant.hides && (wants_lists || rect != Some(whole)))
         .then(|| background::read(&frame, &budget, request))
         .transpose()?;
     match &behind {
-        Some(colors) if rect.is_none() => {
+        Some(colors) => {
             let samples = request.samples as usize;
             background::fill_outside(&mut output, request, |pixel, s| colors[pixel * samples + s], rect)?;
         }
-        _ => background::fill_outside(&mut output, request, |pixel, _| background.at(pixel), rect)?,
+        None => background::fill_outside(&mut output, request, |pixel, _| background.at(pixel), rect)?,
     }
     output.background = behind.filter(|_| wants_lists);
     // The device counts the pieces of a cut triangle apart: then it takes the lists to count.
@@ -87,14 +88,17 @@ pub fn render(
     let mut band_lists = Vec::new();
     let mut pool: Option<Pool> = None;
     let mut outcome = Outcome::default();
-    let mut tiles = 0;
     let expected = frame.geometry.found.listed.nodes();
+    let mut draws = 0;
     let contiguous = variant.storage == Storage::Contiguous;
+    rect.map_or(Ok(()), |rect| budget.check(rect))?;
     // Rectangles to do, and the nodes that each is known to need.
     let mut waiting: Vec<(Rect, Option<u64>)> =
         rect.map_or(vec![], |rect| rect.parts(budget.pixels)).into_iter().map(|r| (r, None)).collect();
+    let parts = waiting.len();
     while let Some((rect, known)) = waiting.pop() {
-        let wanted = known.unwrap_or(expected);
+        // Of several parts nobody knows yet how much is where.
+        let wanted = known.unwrap_or(if parts > 1 { expected.min(budget.nodes) } else { expected });
         let mut fresh = match pool.take() {
             Some(pool) if pool.pixels >= rect.pixels() => pool,
             _ => Pool::new(gpu, &variant, rect.pixels(), 1)?,
@@ -105,6 +109,7 @@ pub fn render(
             (true, false) => Way::Scatter,
         };
         // What is scattered is counted first. What is more than fits is counted too, and cut.
+        draws = draws.max(if way == Way::Scatter { 2 } else { 1 });
         let filled = if way != Way::Scatter && wanted > budget.nodes {
             Filled::Overflow { nodes: wanted }
         } else {
@@ -119,13 +124,13 @@ pub fn render(
                 output.stats.fragments += nodes;
                 output.stats.bands += 1;
                 outcome.join(&own);
-                tiles += u64::from(rect.w.div_ceil(TILE)) * u64::from(rect.h.div_ceil(TILE));
                 if let Some(reader) = &reader {
                     band_lists.push(reader.read(pool, rect, nodes)?);
                 }
             }
             Filled::Overflow { nodes } if nodes <= budget.nodes => waiting.push((rect, Some(nodes))),
             Filled::Overflow { .. } => {
+                draws = 2;
                 let counts = frame.count(pool, rect, &mut output.stats)?;
                 let bands = budget.bands(rect, &counts)?;
                 if known.is_some() {
@@ -141,7 +146,10 @@ pub fn render(
     output.stats.bands = output.stats.bands.max(1);
     output.stats.dropped_fragments = outcome.dropped;
     output.stats.max_depth_complexity = Some(outcome.longest);
-    plan::describe_outcome(&variant, request, &outcome, tiles, &mut output.stats);
+    plan::describe_outcome(&variant, request, &outcome, draws, &mut output.stats);
+    if pieces && reader.is_none() {
+        plan::describe_pieces(&mut output.stats);
+    }
 
     let clock = Instant::now();
     if let Some(reader) = &reader {
@@ -198,10 +206,7 @@ fn upload<'g>(
         (uniform.code_origin, uniform.code_scale, uniform.code_step) =
             (codes.origin, codes.scale, codes.step);
         gpu.queue.write_buffer(&view, 0, bytemuck::bytes_of(&uniform));
-        // What hides is resolved along with lists, if there are any.
-        let hiding = found.hiding.rect(width, height);
-        let rect = (found.listed.rect(width, height))
-            .map(|listed| aligned(hiding.map_or(listed, |r| r.union(listed)), width, height));
+        let rect = found.listed.rect(width, height).map(|rect| aligned(rect, width, height));
         Ok((
             Frame {
                 gpu,

@@ -81,7 +81,7 @@ impl Reader<'_> {
                     }
                 }
             }
-            row.fragments[first..].sort_unstable_by_key(|f| (f.key, f.order));
+            row.fragments[first..].sort_unstable_by_key(|f| (f.code, f.order));
             if self.layout.samples > 1 {
                 merge_pieces(&mut row.fragments, first);
             }
@@ -147,7 +147,7 @@ fn merge_pieces(fragments: &mut Vec<Decoded>, first: usize) {
     for i in first..fragments.len() {
         let own = fragments[i];
         match fragments[first..kept].last_mut() {
-            Some(last) if (last.key, last.order) == (own.key, own.order) => last.coverage |= own.coverage,
+            Some(last) if (last.code, last.order) == (own.code, own.order) => last.coverage |= own.coverage,
             _ => {
                 fragments[kept] = own;
                 kept += 1;

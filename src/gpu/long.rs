@@ -25,27 +25,37 @@ pub fn resolve(
     (first_pixel, long_count): (u32, u32),
     stats: &mut Stats,
 ) -> Result<u64> {
-    let blank = vec![bytemuck::Zeroable::zeroed(); long_count as usize];
-    let finding = Sorter::new(frame, pool, read_group, &blank, first_pixel, 0)?;
-    finding.submit(&[Dispatch::new(&finding.stages.begin, long_count)], stats)?;
-    let mut pixels = finding.read_pixels()?;
+    let mut pixels: Vec<LongPixel> = Vec::new();
+    let at_once = (frame.gpu.adapter.max_binding / size_of::<LongPixel>() as u64) as usize;
+    for first in (0..long_count).step_by(at_once) {
+        let blank = vec![bytemuck::Zeroable::zeroed(); at_once.min((long_count - first) as usize)];
+        let finding = Sorter::new(frame, pool, read_group, &blank, first_pixel + first, 0)?;
+        finding.submit(&[Dispatch::new(&finding.stages.begin, finding.long_count)], stats)?;
+        pixels.extend(finding.read_pixels()?);
+    }
     pixels.iter_mut().for_each(|pixel| pixel.kept = pixel.count); // a limit finds less
     let mut dropped = 0;
     // Longest first, so that a batch holds lists of like length and needs few rounds.
     pixels.sort_unstable_by_key(|p| std::cmp::Reverse((p.count, p.pixel)));
     let scratch = frame.scratch;
+    // An entry is four bytes in each of two buffers; what a pixel's samples keep counts as entries too.
+    let samples = frame.pipelines.variant.layout.samples;
+    let kept = (size_of::<LongSample>() * samples as usize).div_ceil(8) as u64;
+    let most_pixels = frame.gpu.adapter.max_binding / (size_of::<LongSample>() as u64 * u64::from(samples));
     let mut rest = pixels.as_mut_slice();
     while !rest.is_empty() {
-        let mut entries = 0_u64;
+        let (mut entries, mut held) = (0_u64, 0_u64);
         let mut fitting = 0;
         for pixel in rest.iter_mut() {
             let padded = u64::from(pixel.count.next_multiple_of(CHUNK));
-            if entries + padded > scratch {
+            let is_full = held + padded + kept > scratch || fitting as u64 >= most_pixels;
+            if padded > scratch || (fitting > 0 && is_full) {
                 break;
             }
             pixel.first = entries as u32;
             pixel.written = 0;
             entries += padded;
+            held += padded + kept;
             fitting += 1;
         }
         if fitting == 0 {
@@ -58,7 +68,7 @@ pub fn resolve(
         }
         let (batch, later) = std::mem::take(&mut rest).split_at_mut(fitting);
         rest = later;
-        stats.raise("scratch", 8 * entries + size_of_val(batch) as u64);
+        stats.raise("scratch", 8 * held + size_of_val(batch) as u64);
         Sorter::new(frame, pool, read_group, batch, first_pixel, entries as u32)?.run(&mut dropped, stats)?;
     }
     Ok(dropped)
@@ -118,7 +128,8 @@ impl<'a> Sorter<'a> {
             }
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let samples = u64::from(frame.pipelines.variant.layout.samples) * pixels.len() as u64;
+        let all_samples = u64::from(frame.pipelines.variant.layout.samples) * pixels.len() as u64;
+        let samples = if entries > 0 { all_samples } else { 0 }; // none while pixels are only found
         Ok(Self {
             frame,
             stages: frame.pipelines.long(gpu)?,

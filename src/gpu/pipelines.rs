@@ -17,8 +17,8 @@ pub const COLOR_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
 /// how many samples.
 pub const COVERAGE_FORMAT: TextureFormat = TextureFormat::R8Unorm;
 
-/// Made at the first use; what went wrong is kept too.
-type Once<T> = OnceLock<Result<T>>;
+/// Made at the first use.
+type Once<T> = OnceLock<T>;
 
 pub struct Pipelines {
     pub variant: Variant,
@@ -140,7 +140,15 @@ impl Pipelines {
             });
             let format = self.variant.opaque_format().unwrap_or(DEPTH_FORMAT);
             let depth = self.depth_state(format, true, false);
-            Ok(self.render(gpu, &module, "opaque", &[&self.layouts.geometry], Some(depth), &[color]))
+            let samples = self.variant.layout.samples;
+            Ok(self.render(
+                gpu,
+                &module,
+                ("opaque", samples),
+                &[&self.layouts.geometry],
+                Some(depth),
+                &[color],
+            ))
         })
     }
 
@@ -157,16 +165,12 @@ impl Pipelines {
             };
             let mut groups = vec![&self.layouts.geometry, lists];
             groups.extend(&self.layouts.depth);
+            let samples = self.variant.layout.samples;
             if let Some(format) = self.variant.build_format() {
                 let depth = self.depth_state(format, false, true);
-                return Ok(self.render(gpu, &module, "build", &groups, Some(depth), &[]));
+                return Ok(self.render(gpu, &module, ("build", samples), &groups, Some(depth), &[]));
             }
-            let nothing = Some(wgpu::ColorTargetState {
-                format: COVERAGE_FORMAT,
-                blend: None,
-                write_mask: wgpu::ColorWrites::empty(),
-            });
-            Ok(self.render(gpu, &module, "build", &groups, None, &[nothing]))
+            Ok(self.render(gpu, &module, ("build", samples), &groups, None, &[nothing()]))
         })
     }
 
@@ -196,7 +200,11 @@ impl Pipelines {
     pub fn fullscreen(&self, gpu: &Gpu, class: usize) -> Result<&wgpu::RenderPipeline> {
         once(gpu, &self.fullscreen[class], || {
             let module = compile(gpu, "class", &self.variant.class(class)?)?;
-            let format = self.variant.build_format().unwrap_or(TextureFormat::Stencil8);
+            let groups = [&self.layouts.read, &self.layouts.class];
+            let Some(format) = self.variant.build_format().filter(|_| self.variant.counts_in_stencil())
+            else {
+                return Ok(self.render(gpu, &module, ("resolve", 1), &groups, None, &[nothing()]));
+            };
             let mut depth = self.depth_state(format, false, false);
             depth.depth_compare = depth.depth_compare.map(|_| wgpu::CompareFunction::Always);
             let face = wgpu::StencilFaceState {
@@ -204,8 +212,7 @@ impl Pipelines {
                 ..wgpu::StencilFaceState::IGNORE
             };
             depth.stencil = wgpu::StencilState { front: face, back: face, read_mask: 0xff, write_mask: 0 };
-            let groups = [&self.layouts.read, &self.layouts.class];
-            Ok(self.render(gpu, &module, "resolve", &groups, Some(depth), &[]))
+            Ok(self.render(gpu, &module, ("resolve", 1), &groups, Some(depth), &[]))
         })
     }
 
@@ -256,7 +263,7 @@ impl Pipelines {
             // Clamped: 256 fragments must not count as none.
             pass_op: wgpu::StencilOperation::IncrementClamp,
         };
-        let stencil = if counts && self.variant.fullscreen {
+        let stencil = if counts && self.variant.counts_in_stencil() {
             wgpu::StencilState { front: face, back: face, read_mask: 0xff, write_mask: 0xff }
         } else {
             wgpu::StencilState::default()
@@ -282,7 +289,7 @@ impl Pipelines {
         &self,
         gpu: &Gpu,
         module: &wgpu::ShaderModule,
-        stage: &str,
+        (stage, samples): (&str, u32),
         groups: &[&wgpu::BindGroupLayout],
         depth_stencil: Option<wgpu::DepthStencilState>,
         targets: &[Option<wgpu::ColorTargetState>],
@@ -299,10 +306,7 @@ impl Pipelines {
             // Two-sided: the vertex stage culls, by the winding that the user gave.
             primitive: wgpu::PrimitiveState::default(),
             depth_stencil,
-            multisample: wgpu::MultisampleState {
-                count: self.variant.layout.samples,
-                ..wgpu::MultisampleState::default()
-            },
+            multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
             fragment: Some(wgpu::FragmentState {
                 module,
                 entry_point: Some(&format!("fs_{stage}")),
@@ -315,8 +319,22 @@ impl Pipelines {
     }
 }
 
+/// A target that nothing is written to.
+fn nothing() -> Option<wgpu::ColorTargetState> {
+    Some(wgpu::ColorTargetState {
+        format: COVERAGE_FORMAT,
+        blend: None,
+        write_mask: wgpu::ColorWrites::empty(),
+    })
+}
+
+/// A failure is not kept: memory may be there the next time.
 fn once<'p, T>(gpu: &Gpu, slot: &'p Once<T>, make: impl FnOnce() -> Result<T>) -> Result<&'p T> {
-    slot.get_or_init(|| gpu.checked("making pipelines", make)).as_ref().map_err(Clone::clone)
+    if let Some(made) = slot.get() {
+        return Ok(made);
+    }
+    let made = gpu.checked("making pipelines", make)?;
+    Ok(slot.get_or_init(|| made))
 }
 
 /// Compiles a module; what is wrong with it is told in the lines of its own files.

@@ -10,7 +10,7 @@ use crate::frame::{LimitPolicy, Lists, Request, Stats, Storage};
 use crate::node_format::{NodeFormat, NodeLayout};
 use crate::resolve::Resolve;
 use crate::scene::Scene;
-use crate::shader::user_blend;
+use crate::shader::{has_loop, user_blend};
 
 /// Measured: an H100 sorts lists of 33 to 64 four times faster by a network than by insertion. A software driver gains
 /// nothing from 17 on, and takes seconds to compile the longer ones.
@@ -39,10 +39,17 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
     let stencil_apart = options.fullscreen && hides && !gpu.has(wgpu::Features::DEPTH32FLOAT_STENCIL8);
     let blends = options.blends.iter().enumerate();
     let blends = blends.map(|(i, (name, text))| user_blend(i, name, text)).collect::<Result<Vec<_>>>()?;
+    if gpu.adapter.is_software() && blends.iter().any(|blend| has_loop(blend)) {
+        return Err(Error::Unsupported(format!(
+            "a Blend with a loop is not for {name}: software drivers may end loops early, and silently; write the loop \
+             out, or use the CPU"
+        )));
+    }
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     // Counts with samples too: the pieces of a cut triangle are told by their primitive.
     let counts_pieces = request.lists == Lists::Count && request.samples > 1;
-    let by_order = matches!(request.limit, Some((_, LimitPolicy::LastSubmitted)));
+    let limits_pieces = request.limit.is_some() && request.samples > 1;
+    let by_order = limits_pieces || matches!(request.limit, Some((_, LimitPolicy::LastSubmitted)));
     let wants_order = wants_lists || counts_pieces || by_order;
     let layout = NodeLayout::new(options.format, request.samples, scene.mixes_modes(), wants_order);
     let triangles = scene.triangle_count();
@@ -106,14 +113,17 @@ pub fn describe(variant: &Variant, scene: &Scene, request: &Request, stats: &mut
     let opaque = match (variant.hides, samples, variant.early) {
         (false, ..) => ("none", "no depth target, no depth test"),
         (true, 1, true) => ("depth test", "forced before the shader"),
-        (true, 1, false) => ("compared", "in the shader: the device cannot force an early test"),
+        (true, 1, false) => ("compared", "in the shader: no early test can be forced here"),
         (true, ..) => ("compared", "in the shader, for each sample"),
     };
     stats.choose("opaque geometry", opaque.0, opaque.1);
-    let resolve = if variant.fullscreen {
-        ("full-screen passes", "as asked; a stencil keeps empty pixels away")
-    } else {
-        ("dispatches", "indirect, a pipeline for each class of list lengths")
+    let resolve = match (variant.fullscreen, variant.counts_in_stencil(), variant.early) {
+        (false, ..) => ("dispatches", "indirect, a pipeline for each class of list lengths"),
+        (true, true, true) => ("full-screen passes", "as asked; a stencil keeps empty pixels away"),
+        (true, true, false) => {
+            ("full-screen passes", "as asked; the stencil test cannot be forced before the shader")
+        }
+        (true, false, _) => ("full-screen passes", "as asked; no stencil goes with several samples"),
     };
     stats.choose("resolve", resolve.0, resolve.1);
 }
@@ -134,19 +144,20 @@ pub fn describe_rect(rect: Option<Rect>, request: &Request, stats: &mut Stats) {
 }
 
 /// What was found.
+/// `draws`: passes over the translucent geometry, of the rectangle that took most.
 pub fn describe_outcome(
     variant: &Variant,
     request: &Request,
     outcome: &Outcome,
-    tiles: u64,
+    draws: u32,
     stats: &mut Stats,
 ) {
     let whole = u64::from(request.width.div_ceil(TILE)) * u64::from(request.height.div_ceil(TILE));
-    // Bands may cut tiles: then their parts are counted.
-    let tiles = if stats.bands == 1 { whole } else { whole.max(tiles) };
+    // Bands may cut tiles, whose parts count apart.
+    let filled = outcome.filled_tiles.min(whole);
     stats.choose(
         "tiles",
-        format!("{} of {tiles} hold translucent geometry", outcome.filled_tiles),
+        format!("{filled} of {whole} hold translucent geometry"),
         format!("{TILE}×{TILE} pixels each; empty pixels are not resolved"),
     );
     let used: Vec<_> = (outcome.totals.iter().enumerate())
@@ -155,15 +166,20 @@ pub fn describe_outcome(
         .collect();
     let longest = format!("longest list {}", outcome.longest);
     stats.choose("resolve classes", if used.is_empty() { "none".into() } else { used.join(", ") }, longest);
-    if variant.storage == Storage::Contiguous {
-        let twice = stats.ms.iter().any(|(stage, _)| stage == "count");
-        let (passes, why) = if twice {
-            ("2", "counted, then scattered: nodes would not fit memory twice")
-        } else {
-            ("1", "appended, then gathered: nodes fit memory twice")
-        };
-        stats.choose("passes over geometry", passes, why);
+    // Of classes that no list fell into there is nothing to tell.
+    for class in (0..variant.classes.len()).filter(|&class| outcome.totals.get(class).is_none_or(|n| *n == 0))
+    {
+        let empty = format!("resolve {}", class_name(variant, class));
+        stats.ms.retain(|(stage, _)| *stage != empty);
     }
+    let why = match (draws, variant.storage) {
+        (0, _) => "nothing translucent is in view",
+        (1, Storage::Linked) => "fragments are linked as they come",
+        (1, Storage::Contiguous) => "appended, then gathered: nodes fit memory twice",
+        (_, Storage::Linked) => "counted first, to cut bands by",
+        (_, Storage::Contiguous) => "counted, then scattered: nodes do not fit memory twice",
+    };
+    stats.choose("passes over geometry", draws.to_string(), why);
     if let Some((n, policy)) = request.limit {
         let kept = match policy {
             LimitPolicy::Nearest => "the nearest",
@@ -172,4 +188,14 @@ pub fn describe_outcome(
         let ignored = format!("{} fragments beyond that are ignored", outcome.dropped);
         stats.choose("limit", format!("{kept} {n} of a pixel"), ignored);
     }
+}
+
+/// Notes what numbers mean where pieces of triangles were counted.
+pub fn describe_pieces(stats: &mut Stats) {
+    stats.max_depth_complexity = None; // counting whole fragments would cost the lists
+    stats.choose(
+        "fragments",
+        format!("{} or fewer", stats.fragments),
+        "pieces of triangles that the view cuts count apart: fragments=\"count\" counts whole ones",
+    );
 }

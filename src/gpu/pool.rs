@@ -3,13 +3,15 @@
 
 use super::buffers::{indirect, storage};
 use super::device::Gpu;
+use super::resolve::TILE;
 use super::variant::Variant;
 use crate::error::{Error, Result};
 use crate::frame::{MsaaResolve, Storage};
 
 /// What heads, nodes and scratch may take together unless `memory=` says otherwise.
 pub const DEFAULT_MEMORY: u64 = 2 << 30;
-/// Bytes of scratch for a node of a long list: two entries, each padded to at most twice its number.
+/// Bytes of scratch for a node of a long list: two entries of four bytes, with room for what pads them. Lists that need
+/// more, short ones with many samples, are sorted in more batches.
 pub const SCRATCH_BYTES: u64 = 16;
 
 /// Bytes of a pixel beside its nodes: head, cursor, and its place in a class, twice.
@@ -27,14 +29,6 @@ pub struct Rect {
 impl Rect {
     pub fn pixels(&self) -> u64 {
         u64::from(self.w) * u64::from(self.h)
-    }
-
-    /// The smallest that holds both.
-    pub fn union(self, other: Self) -> Self {
-        let (x0, y0) = (self.x0.min(other.x0), self.y0.min(other.y0));
-        let (x1, y1) =
-            ((self.x0 + self.w).max(other.x0 + other.w), (self.y0 + self.h).max(other.y0 + other.h));
-        Self { x0, y0, w: x1 - x0, h: y1 - y0 }
     }
 
     /// Parts of whole rows with at most `pixels` pixels, the top one last; parts of rows where those are longer.
@@ -192,6 +186,20 @@ impl Budget {
         }
     }
 
+    /// Whether the pixels of one tile fit, of this rectangle.
+    pub fn check(&self, rect: Rect) -> Result<()> {
+        let tile = u64::from(rect.w.min(TILE)) * u64::from(rect.h.min(TILE));
+        if self.memory / 4 / PIXEL_BYTES >= tile {
+            return Ok(());
+        }
+        Err(Error::Capacity {
+            what: format!("the list heads of {TILE}×{TILE} pixels"),
+            needed: 4 * PIXEL_BYTES * tile,
+            limit: self.memory,
+            advice: "raise memory=".into(),
+        })
+    }
+
     /// Cuts a rectangle into bands whose fragments fit, by their exact number in each pixel: as few as whole rows
     /// allow, parts of rows where a row does not fit. Also gives each band's nodes. The top one is last.
     pub fn bands(&self, rect: Rect, counts: &[u32]) -> Result<Vec<(Rect, u64)>> {
@@ -212,6 +220,11 @@ impl Budget {
         }
         bands.reverse();
         Ok(bands)
+    }
+
+    /// Three quarters of the memory are for nodes and their sorting.
+    fn memory_for(&self, nodes: u64) -> u64 {
+        (nodes * (self.node_bytes + SCRATCH_BYTES)).div_ceil(3) * 4
     }
 
     fn cut_row(&self, x0: u32, y0: u32, row: &[u32], bands: &mut Vec<(Rect, u64)>) -> Result<()> {
@@ -246,8 +259,7 @@ impl Budget {
                     .into(),
             };
         }
-        // Three quarters of the memory are for nodes and their sorting.
-        let needed = (fragments * (self.node_bytes + SCRATCH_BYTES)).div_ceil(3) * 4;
+        let needed = self.memory_for(fragments);
         Error::Capacity { what, needed, limit: self.memory, advice: "raise memory=".into() }
     }
 }

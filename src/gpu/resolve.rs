@@ -96,6 +96,7 @@ pub fn encode_resolve(
             let pipeline = pipelines.fullscreen(gpu, class)?;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("resolve"),
+                color_attachments: frame.targets.nothing_on_screen().as_slice(),
                 depth_stencil_attachment: frame.targets.stencil_to_test(),
                 timestamp_writes: timing.render(name),
                 ..Default::default()

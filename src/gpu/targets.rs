@@ -22,8 +22,9 @@ pub struct Targets {
     test: Option<(wgpu::TextureFormat, wgpu::TextureView)>,
     /// The depth alone, for a shader that compares.
     pub depth_to_load: Option<wgpu::TextureView>,
-    /// What else a pass is measured by.
+    /// What else a pass is measured by: of the build, and of a full-screen resolve.
     coverage: Option<wgpu::TextureView>,
+    screen: Option<wgpu::TextureView>,
     pub bytes: u64,
 }
 
@@ -54,6 +55,8 @@ impl Targets {
             same if same == variant.opaque_format() => depth.clone(),
             apart => apart.map(|format| view("stencil", format, size, samples)),
         };
+        let screen = (variant.fullscreen && !variant.counts_in_stencil())
+            .then(|| view("screen", COVERAGE_FORMAT, size, 1));
         let whole = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let depth_only = |texture: &wgpu::Texture| {
             texture.create_view(&wgpu::TextureViewDescriptor {
@@ -68,6 +71,7 @@ impl Targets {
             opaque_depth: depth.as_ref().map(|t| (t.format(), whole(t))),
             test: test.as_ref().map(|t| (t.format(), whole(t))),
             coverage: coverage.as_ref().map(whole),
+            screen: screen.as_ref().map(whole),
             bytes,
         })
     }
@@ -92,24 +96,29 @@ impl Targets {
 
     /// Both as they are.
     pub fn stencil_to_test(&self) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
-        self.test.as_ref().map(|(_, view)| wgpu::RenderPassDepthStencilAttachment {
-            view,
-            depth_ops: None,
-            stencil_ops: None,
+        self.test.as_ref().filter(|_| self.screen.is_none()).map(|(_, view)| {
+            wgpu::RenderPassDepthStencilAttachment { view, depth_ops: None, stencil_ops: None }
         })
     }
 
     /// The target that nothing is written to, where there is no other.
     pub fn nothing(&self) -> Option<Option<wgpu::RenderPassColorAttachment<'_>>> {
-        self.coverage.as_ref().map(|view| {
-            Some(wgpu::RenderPassColorAttachment {
-                view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
-            })
-        })
+        self.coverage.as_ref().map(unwritten)
     }
+
+    /// The same for a full-screen resolve.
+    pub fn nothing_on_screen(&self) -> Option<Option<wgpu::RenderPassColorAttachment<'_>>> {
+        self.screen.as_ref().map(unwritten)
+    }
+}
+
+fn unwritten(view: &wgpu::TextureView) -> Option<wgpu::RenderPassColorAttachment<'_>> {
+    Some(wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+    })
 }
 
 fn texture(

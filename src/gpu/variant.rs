@@ -60,9 +60,15 @@ impl Variant {
         self.subgroups && (!self.hides || self.compares_depth())
     }
 
+    /// A stencil counts fragments. Not with several samples: a resolve to one colour a pixel has a target of one
+    /// sample, which no stencil of several can go with (section 2.8.3).
+    pub fn counts_in_stencil(&self) -> bool {
+        self.fullscreen && self.layout.samples == 1
+    }
+
     /// Of the target that opaque geometry writes its depth to, with a stencil if translucent geometry counts there.
     pub fn opaque_format(&self) -> Option<wgpu::TextureFormat> {
-        self.hides.then_some(if self.fullscreen && !self.compares_depth() {
+        self.hides.then_some(if self.counts_in_stencil() && !self.compares_depth() {
             wgpu::TextureFormat::Depth32FloatStencil8
         } else {
             DEPTH_FORMAT
@@ -72,7 +78,7 @@ impl Variant {
     /// Of the target that translucent geometry is tested against, or counts in. A shader that loads depths cannot
     /// have them in a target that it writes: then the stencil is apart.
     pub fn build_format(&self) -> Option<wgpu::TextureFormat> {
-        let apart = self.fullscreen && (!self.hides || self.compares_depth());
+        let apart = self.counts_in_stencil() && (!self.hides || self.compares_depth());
         if apart { Some(wgpu::TextureFormat::Stencil8) } else { self.opaque_format() }
     }
 
@@ -246,7 +252,11 @@ impl Variant {
         if self.fullscreen {
             own.extend([
                 "resolve/fullscreen",
-                if self.early { "resolve/fullscreen_early" } else { "resolve/fullscreen_late" },
+                if self.early && self.counts_in_stencil() {
+                    "resolve/fullscreen_early"
+                } else {
+                    "resolve/fullscreen_late"
+                },
             ]);
         }
         let mut composed = self.reading(temp, class, &own)?;
@@ -347,6 +357,7 @@ pub mod tests {
         }
         let many = NodeLayout::new(NodeFormat::Float32, 4, true, false);
         for msaa in [MsaaResolve::PerSample, MsaaResolve::Hdr, MsaaResolve::None] {
+            all.push(Variant { msaa, hides: true, fullscreen: true, ..plain() });
             let order = BlendOrder::BackToFront;
             all.push(Variant { msaa, order, layout: many, fullscreen: true, ..plain() });
         }
