@@ -186,14 +186,6 @@ def test_auto_with_a_blend_that_only_numpy_has_is_the_cpu(machine):
     assert "wgsl" in plan["device"][1]
 
 
-def test_lists_come_back_through_prefix_sum_on_a_real_gpu_unless_a_pipeline_is_named(machine):
-    machine(LARGE, SOFTWARE)
-    assert chosen()[1]["pipeline"][0] == "linked_list"
-    assert chosen(lists=True)[1]["pipeline"][0] == "prefix_sum"
-    assert chosen(lists=True, pipeline="linked_list")[1]["pipeline"][0] == "linked_list"
-    assert chosen(lists=True, device="softpipe")[1]["pipeline"][0] == "linked_list"
-
-
 def test_auto_is_the_best_real_gpu(machine):
     machine(LARGE, SMALL, SOFTWARE)
     place, plan = chosen()

@@ -105,9 +105,7 @@ def render(
     plan = []
     meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
     own = own_blends(mesh.blend for mesh in meshes)
-    wants = tables.Wants(
-        lists=fragments in (True, "all"), samples=samples, numpy=any(blend.wgsl is None for blend in own)
-    )
+    wants = tables.Wants(samples=samples, numpy=any(blend.wgsl is None for blend in own))
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
     request = all_of(options, pipeline) | {

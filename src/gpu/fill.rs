@@ -3,7 +3,7 @@
 use super::buffers::{bind, readable, storage};
 use super::passes::Frame;
 use super::pool::{Budget, Pool, Rect, image_samples};
-use super::resolve::{Outcome, encode_resolve, finish_resolve};
+use super::resolve::{Found, Outcome, encode_classes, encode_classify, finish_resolve};
 use super::scan;
 use super::targets::place;
 use super::timing::Timing;
@@ -159,7 +159,9 @@ impl Frame<'_> {
         self.resolve(encoder, &timing, pool, &band, rect, output)
     }
 
-    /// Resolves what `encoder` fills, and places the results in the image.
+    /// Classifies what `encoder` fills, resolves the classes that there are, and places the results in the image.
+    /// Between the two the host waits: what is not whole is not resolved, and a class that no list falls into is
+    /// neither dispatched nor compiled, which for the longest takes seconds.
     fn resolve(
         &self,
         mut encoder: wgpu::CommandEncoder,
@@ -171,27 +173,16 @@ impl Frame<'_> {
     ) -> Result<Filled> {
         let (gpu, variant) = (self.gpu, &self.pipelines.variant);
         let each = image_samples(variant);
-        let image = readable(gpu, "image", 16 * each * rect.pixels());
-        let counts = output.counts.is_some().then(|| readable(gpu, "counts", 4 * rect.pixels()));
         let counter = readable(gpu, "counter", 8);
         let classes = readable(gpu, "classes", pool.classes.size());
         let read_group = self.read_group(pool, band);
-        let copy_results = |encoder: &mut wgpu::CommandEncoder| {
-            encoder.copy_buffer_to_buffer(&pool.image, 0, &image, 0, 16 * each * rect.pixels());
-            if let Some(counts) = &counts {
-                encoder.copy_buffer_to_buffer(&pool.counts, 0, counts, 0, 4 * rect.pixels());
-            }
-        };
-        gpu.checked("resolving the lists", || {
-            encode_resolve(self, &mut encoder, pool, &read_group, rect, timing)?;
+        gpu.checked("classifying pixels", || {
+            encode_classify(self, &mut encoder, pool, &read_group, rect, timing)?;
             encoder.copy_buffer_to_buffer(&pool.counter, 0, &counter, 0, 8);
             encoder.copy_buffer_to_buffer(&pool.classes, 0, &classes, 0, pool.classes.size());
-            copy_results(&mut encoder);
             Ok(())
         })?;
-        let results = [&image].into_iter().chain(&counts);
-        let buffers: Vec<&wgpu::Buffer> = [&counter, &classes].into_iter().chain(results.clone()).collect();
-        let mut words = self.submit(encoder, timing, &buffers, &mut output.stats)?;
+        let words = self.submit(encoder, timing, &[&counter, &classes], &mut output.stats)?;
         let [low, high, ..] = *words[0].as_slice() else {
             return Err(Error::Device("the counter was not read back".into()));
         };
@@ -199,15 +190,27 @@ impl Frame<'_> {
         if nodes > pool.capacity {
             return Ok(Filled::Overflow { nodes });
         }
-        let outcome = finish_resolve(self, pool, &read_group, &words[1], &mut output.stats)?;
-        if outcome.had_long_lists {
-            let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            copy_results(&mut encoder);
-            words.truncate(2);
-            words.extend(gpu.submit_and_read(encoder, &results.collect::<Vec<_>>())?);
+
+        let found = Found::of(variant, &words[1])?;
+        let timing = Timing::new(gpu);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        gpu.checked("resolving the lists", || {
+            encode_classes(self, &mut encoder, pool, &read_group, rect, &found, &timing)
+        })?;
+        self.submit(encoder, &timing, &[], &mut output.stats)?;
+        let outcome = finish_resolve(self, pool, &read_group, found, &mut output.stats)?;
+
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let image = readable(gpu, "image", 16 * each * rect.pixels());
+        let counts = output.counts.is_some().then(|| readable(gpu, "counts", 4 * rect.pixels()));
+        encoder.copy_buffer_to_buffer(&pool.image, 0, &image, 0, 16 * each * rect.pixels());
+        if let Some(counts) = &counts {
+            encoder.copy_buffer_to_buffer(&pool.counts, 0, counts, 0, 4 * rect.pixels());
         }
-        place(&words[2], &mut output.image, self.width, rect, each as usize);
-        if let (Some(all), Some(counted)) = (&mut output.counts, words.get(3)) {
+        let results: Vec<&wgpu::Buffer> = [&image].into_iter().chain(&counts).collect();
+        let words = self.submit(encoder, &Timing::new(gpu), &results, &mut output.stats)?;
+        place(&words[0], &mut output.image, self.width, rect, each as usize);
+        if let (Some(all), Some(counted)) = (&mut output.counts, words.get(1)) {
             place(counted, all, self.width, rect, 1);
         }
         Ok(Filled::Done { nodes, outcome })

@@ -166,12 +166,6 @@ pub fn describe_outcome(
         .collect();
     let longest = format!("longest list {}", outcome.longest);
     stats.choose("resolve classes", if used.is_empty() { "none".into() } else { used.join(", ") }, longest);
-    // Of classes that no list fell into there is nothing to tell.
-    for class in (0..variant.classes.len()).filter(|&class| outcome.totals.get(class).is_none_or(|n| *n == 0))
-    {
-        let empty = format!("resolve {}", class_name(variant, class));
-        stats.ms.retain(|(stage, _)| *stage != empty);
-    }
     let why = match (draws, variant.storage) {
         (0, _) => "nothing translucent is in view",
         (1, Storage::Linked) => "fragments are linked as they come",

@@ -1,13 +1,13 @@
 //! The resolve of one rectangle's lists: classified by length, then each class by its own pipeline, dispatched or
 //! drawn indirectly; what is longer than any class by the stages in `long`.
 
-use super::buffers::bind;
+use super::buffers::{bind, readable};
 use super::long;
 use super::passes::Frame;
 use super::pool::{Pool, Rect};
 use super::timing::Timing;
 use super::variant::Variant;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::Stats;
 
 /// Tile width and height, as classification counts them.
@@ -20,7 +20,6 @@ pub struct Outcome {
     pub filled_tiles: u64,
     /// Fragments beyond the limit.
     pub dropped: u64,
-    pub had_long_lists: bool,
     /// Pixels of each class, the last one of longer lists.
     pub totals: Vec<u64>,
 }
@@ -35,6 +34,26 @@ impl Outcome {
     }
 }
 
+/// What classification counted.
+pub struct Found {
+    /// Pixels of each class, the last one of longer lists, and where each lies among the classified pixels.
+    totals: Vec<u32>,
+    bases: Vec<u32>,
+    longest: u32,
+    filled_tiles: u32,
+}
+
+impl Found {
+    pub fn of(variant: &Variant, words: &[u32]) -> Result<Self> {
+        let slots = variant.classes.len() + 1;
+        let [longest, filled_tiles, ..] = words[2 * slots..] else {
+            return Err(Error::Device("the classes were not read back whole".into()));
+        };
+        let (totals, bases) = (words[..slots].to_vec(), words[slots..2 * slots].to_vec());
+        Ok(Self { totals, bases, longest, filled_tiles })
+    }
+}
+
 /// List lengths of a class, for people: "1", "2–4".
 pub fn class_name(variant: &Variant, class: usize) -> String {
     let least = if class == 0 { 1 } else { variant.classes[class - 1] + 1 };
@@ -45,7 +64,7 @@ pub fn class_name(variant: &Variant, class: usize) -> String {
     }
 }
 
-pub fn encode_resolve(
+pub fn encode_classify(
     frame: &Frame,
     encoder: &mut wgpu::CommandEncoder,
     pool: &Pool,
@@ -54,7 +73,7 @@ pub fn encode_resolve(
     timing: &Timing,
 ) -> Result<()> {
     let (gpu, pipelines) = (frame.gpu, &frame.pipelines);
-    let (variant, layouts) = (&pipelines.variant, &pipelines.layouts);
+    let layouts = &pipelines.layouts;
     let (x, y) = (rect.w.div_ceil(TILE), rect.h.div_ceil(TILE));
     let classify = pipelines.classify(gpu)?;
     let group = bind(
@@ -82,15 +101,28 @@ pub fn encode_resolve(
         pass.set_pipeline(pipeline);
         pass.dispatch_workgroups(x, y, 1);
     }
-    drop(pass);
+    Ok(())
+}
 
+/// The classes that there are pixels of, and the mean of samples that are resolved apart.
+pub fn encode_classes(
+    frame: &Frame,
+    encoder: &mut wgpu::CommandEncoder,
+    pool: &Pool,
+    read_group: &wgpu::BindGroup,
+    rect: Rect,
+    found: &Found,
+    timing: &Timing,
+) -> Result<()> {
+    let (gpu, pipelines) = (frame.gpu, &frame.pipelines);
+    let (variant, layouts) = (&pipelines.variant, &pipelines.layouts);
     let group = bind(
         gpu,
         "class",
         &layouts.class,
         &[(&pool.classes).into(), (&pool.class_pixels).into(), (&pool.sample_colors).into()],
     );
-    for class in 0..variant.classes.len() {
+    for class in (0..variant.classes.len()).filter(|&class| found.totals[class] > 0) {
         let name = format!("resolve {}", class_name(variant, class));
         if variant.fullscreen {
             let pipeline = pipelines.fullscreen(gpu, class)?;
@@ -129,34 +161,38 @@ pub fn encode_resolve(
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, read_group, &[]);
         pass.set_bind_group(1, &group, &[]);
-        pass.dispatch_workgroups(x, y, 1);
+        pass.dispatch_workgroups(rect.w.div_ceil(TILE), rect.h.div_ceil(TILE), 1);
     }
     Ok(())
 }
 
-/// Resolves the lists that no class has room for. `words`: what classification counted.
+/// Resolves the lists that no class has room for.
 pub fn finish_resolve(
     frame: &Frame,
     pool: &Pool,
     read_group: &wgpu::BindGroup,
-    words: &[u32],
+    found: Found,
     stats: &mut Stats,
 ) -> Result<Outcome> {
-    let slots = frame.pipelines.variant.classes.len() + 1;
-    let [longest, filled_tiles, dropped, ..] = words[2 * slots..] else {
-        return Err(crate::error::Error::Device("the classes were not read back whole".into()));
-    };
+    let gpu = frame.gpu;
     let mut outcome = Outcome {
-        longest,
-        filled_tiles: u64::from(filled_tiles),
-        dropped: u64::from(dropped),
-        had_long_lists: false,
-        totals: words[..slots].iter().copied().map(u64::from).collect(),
+        longest: found.longest,
+        filled_tiles: u64::from(found.filled_tiles),
+        dropped: 0,
+        totals: found.totals.iter().copied().map(u64::from).collect(),
     };
-    let (long_count, first_pixel) = (words[slots - 1], words[2 * slots - 1]);
-    if long_count > 0 {
-        outcome.dropped += long::resolve(frame, pool, read_group, (first_pixel, long_count), stats)?;
-        outcome.had_long_lists = true;
+    if frame.pipelines.variant.limit.is_some() {
+        let words = pool.classes.size();
+        let buffer = readable(gpu, "classes", words);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&pool.classes, 0, &buffer, 0, words);
+        let words = gpu.submit_and_read(encoder, &[&buffer])?.remove(0);
+        outcome.dropped = u64::from(words[2 * found.totals.len() + 2]);
+    }
+    let last = found.totals.len() - 1;
+    if found.totals[last] > 0 {
+        let long = (found.bases[last], found.totals[last]);
+        outcome.dropped += long::resolve(frame, pool, read_group, long, stats)?;
     }
     Ok(outcome)
 }
