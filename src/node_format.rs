@@ -43,12 +43,13 @@ impl NodeFormat {
         }
     }
 
-    /// The last depth code, where depths are codes.
+    /// The last depth code, where depths are codes. Of 24 bits it is one less than there could be: with all the bits
+    /// beside it a key would equal what fills up the array of a sort.
     pub fn last_code(self) -> Option<u32> {
         match self {
             Float32 | Rgba8Depth32 => None,
             Rgb565Depth16 => Some((1 << 16) - 1),
-            Rgba8Depth24Coverage8 | Rgb9e5Alpha8Depth24 => Some((1 << 24) - 1),
+            Rgba8Depth24Coverage8 | Rgb9e5Alpha8Depth24 => Some((1 << 24) - 2),
         }
     }
 
@@ -276,6 +277,14 @@ mod tests {
         let node = [0, 255, 16 << 27 | 511 << 18 | 256 << 9 | 1];
         let got = layout.decode(&node, &codes).color;
         assert_eq!(got, [1.0 / 256.0, 1.0, 511.0 / 256.0, 1.0]);
+    }
+
+    #[test]
+    fn no_key_equals_what_fills_up_a_sort() {
+        for format in NodeFormat::ALL {
+            let last = format.last_code().unwrap_or(0);
+            assert!(last << 8 | 255 != u32::MAX, "{format:?}");
+        }
     }
 
     #[test]

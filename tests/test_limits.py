@@ -146,3 +146,17 @@ def test_a_device_that_lacks_features_gives_the_same_bits(features, samples, tmp
     assert len(whole) == len(lesser) >= 8
     for name, image in whole.items():
         np.testing.assert_array_equal(lesser[name], image, name)
+
+
+@BOTH
+@pytest.mark.parametrize("node_format", SMALL[1:])
+def test_the_farthest_code_with_all_bits_beside_it_is_still_a_fragment(pipeline, node_format):
+    """White and of alpha 1, behind others: its key must not be taken for what fills up the array of a sort."""
+    depths = (2.0, 0.5, 0.0, -0.5, -1.0, -4.0)
+    panes = [ab.Mesh(scenes.covering(z)[0], colors=(1, 0, 0, 51 / 255)) for z in depths[:-1]]
+    panes.append(ab.Mesh(scenes.covering(depths[-1])[0], colors=(1, 1, 1, 1)))
+    for samples in (1, 4):
+        frame = pipeline.render(panes, FRONT, width=4, height=4, node_format=node_format, samples=samples)
+        through = 0.8**5
+        np.testing.assert_allclose(frame.image[..., 1], through, atol=1e-3)
+        np.testing.assert_allclose(frame.image[..., 3], 1, atol=1e-6)

@@ -3,7 +3,7 @@
 fn encode(f: Fragment, next: u32) -> array<u32, BASE_WORDS> {
     let c = vec4u(saturate(f.color) * vec4f(31.0, 63.0, 31.0, 255.0) + 0.5);
     let color = (c.r << 27u) | (c.g << 21u) | (c.b << 16u);
-    return array<u32, BASE_WORDS>(color | depth_code(f.value, 0xffffu), (c.a << 24u) | next);
+    return array<u32, BASE_WORDS>(color | depth_code(f.value, LAST_CODE), (c.a << 24u) | next);
 }
 
 fn next_of(node: u32) -> u32 {

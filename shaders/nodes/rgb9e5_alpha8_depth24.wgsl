@@ -14,7 +14,7 @@ fn encode(f: Fragment, next: u32) -> array<u32, BASE_WORDS> {
     let c = vec3u(rgb * exp2_of(9 - exponent) + 0.5);
     let color = (u32(exponent + 15) << 27u) | (c.b << 18u) | (c.g << 9u) | c.r;
     let alpha = u32(saturate(f.color.a) * 255.0 + 0.5);
-    return array<u32, BASE_WORDS>(next, (depth_code(f.value, 0xffffffu) << 8u) | alpha, color);
+    return array<u32, BASE_WORDS>(next, (depth_code(f.value, LAST_CODE) << 8u) | alpha, color);
 }
 
 // 2ⁿ for normal results.

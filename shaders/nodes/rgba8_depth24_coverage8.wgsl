@@ -1,7 +1,7 @@
 // rgba8_depth24_coverage8: a 24-bit depth code, and eight bits of coverage or blend mode (section 2.7.1).
 
 fn encode(f: Fragment, next: u32) -> array<u32, BASE_WORDS> {
-    let depth = depth_code(f.value, 0xffffffu) << 8u;
+    let depth = depth_code(f.value, LAST_CODE) << 8u;
     return array<u32, BASE_WORDS>(next, depth | spare_bits(f), pack4x8unorm(f.color));
 }
 

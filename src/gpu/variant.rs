@@ -110,6 +110,7 @@ impl Variant {
         constant("NODE_WORDS", unsigned(layout.words()));
         constant("ORDER_WORD", unsigned(layout.order_word()));
         constant("COVERAGE_WORD", unsigned(layout.coverage_word()));
+        constant("LAST_CODE", unsigned(layout.format.last_code().unwrap_or(0)));
         constant("HIDES", self.hides.to_string());
         constant("USER_BLENDS", (!self.blends.is_empty()).to_string());
         constant("BACK_TO_FRONT", self.back_to_front().to_string());
