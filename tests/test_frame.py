@@ -326,3 +326,9 @@ def test_paths_may_begin_with_the_home_directory(tmp_path, monkeypatch):
     frame.fragments.save("~/b.npz")
     assert ab.Frame.load("~/a.npz").image.shape == frame.image.shape
     assert len(ab.Fragments.load("~/b.npz")) == len(frame.fragments)
+
+
+def test_a_row_that_the_plan_has_not_is_named_beside_those_that_it_has():
+    plan = ab.render(ab.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), device="cpu").plan
+    with pytest.raises(KeyError, match="no row 'rectangles': it has device, pipeline"):
+        plan["rectangles"]

@@ -44,6 +44,8 @@ class Plan(tuple):
     def __getitem__(self, index):
         if isinstance(index, str):
             choices = {what: choice for what, choice, _ in self}
+            if index not in choices:
+                raise KeyError(f"the plan has no row {index!r}: it has {', '.join(choices)}")
             return choices[index]
         return super().__getitem__(index)
 
