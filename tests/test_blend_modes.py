@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 
 import abuffer as ab
 import scenes
-from comparison import CPU32, CPU64, GPU, Precision, U
+from comparison import CPU32, CPU64, GPU, GPU_PREFIX, U
 from oracle_msaa import MODES, blend_bound, blend_lists
 
-GPU_PREFIX = Precision("prefix_sum", "gpu", "float32", GPU.depth_relative, GPU.interpolation_ulps)
 PIPELINES = [CPU32, CPU64, GPU, GPU_PREFIX]
 EVERY = pytest.mark.parametrize("pipeline", PIPELINES, ids=str)
 MODE = pytest.mark.parametrize("mode", MODES)

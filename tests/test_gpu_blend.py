@@ -5,11 +5,10 @@ import pytest
 
 import abuffer as ab
 import scenes
-from comparison import GPU, Precision
+from comparison import GPU, GPU_PREFIX
 
 FRONT = ab.Camera(*scenes.front_camera())
-PREFIX = Precision("prefix_sum", "gpu", "float32", 1e-5, 8)
-BOTH = pytest.mark.parametrize("pipeline", [GPU, PREFIX], ids=str)
+BOTH = pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX], ids=str)
 
 OVER = ab.Blend("dst * (1.0 - src.a) + src.rgb * src.a", lambda d, s, z: d * (1 - s[:, 3:]) + s[:, :3] * s[:, 3:])
 FOG = ab.Blend(

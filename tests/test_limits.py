@@ -10,11 +10,10 @@ import pytest
 
 import abuffer as ab
 import scenes
-from comparison import CPU32, GPU, Precision
+from comparison import CPU32, GPU, GPU_PREFIX
 
 FRONT = ab.Camera(*scenes.front_camera())
-PREFIX = Precision("prefix_sum", "gpu", "float32", 1e-5, 8)
-BOTH = pytest.mark.parametrize("pipeline", [GPU, PREFIX], ids=str)
+BOTH = pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX], ids=str)
 SMALL = ["rgba8_depth32", "rgba8_depth24_coverage8", "rgb565_depth16", "rgb9e5_alpha8_depth24"]
 
 

@@ -9,10 +9,9 @@ import pytest
 import abuffer as ab
 import oracle_msaa
 import scenes
-from comparison import CPU32, CPU64, GPU, Precision, U
+from comparison import CPU32, CPU64, GPU, GPU_PREFIX, U
 from oracle_msaa import MODES
 
-GPU_PREFIX = Precision("prefix_sum", "gpu", "float32", GPU.depth_relative, GPU.interpolation_ulps)
 EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU, GPU_PREFIX], ids=str)
 ON_GPU = pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX], ids=str)
 WIDTH, HEIGHT = 80, 64

@@ -13,10 +13,9 @@ import abuffer as ab
 import oracle
 import oracle_msaa
 import scenes
-from comparison import CPU32, CPU64, EDGE, GPU, Precision, U, gradient_of_image
+from comparison import CPU32, CPU64, EDGE, GPU, GPU_PREFIX, U, gradient_of_image
 from oracle_msaa import PATTERNS, popcount, positions
 
-GPU_PREFIX = Precision("prefix_sum", "gpu", "float32", GPU.depth_relative, GPU.interpolation_ulps)
 PIPELINES = [CPU32, CPU64, GPU, GPU_PREFIX]
 EVERY = pytest.mark.parametrize("pipeline", PIPELINES, ids=str)
 ON_CPU = pytest.mark.parametrize("pipeline", [CPU32, CPU64], ids=str)

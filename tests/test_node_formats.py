@@ -17,10 +17,9 @@ import pytest
 
 import abuffer as ab
 import scenes
-from comparison import GPU, Precision, U
+from comparison import GPU, GPU_PREFIX, U
 from oracle_msaa import MODES, blend_bound, blend_lists
 
-GPU_PREFIX = Precision("prefix_sum", "gpu", "float32", GPU.depth_relative, GPU.interpolation_ulps)
 EVERY = pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX], ids=str)
 FRONT = ab.Camera(*scenes.front_camera())
 D8 = 1 / 510  # half a step of unorm8

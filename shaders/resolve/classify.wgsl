@@ -13,11 +13,9 @@ struct Arguments {
 @group(1) @binding(0) var<storage, read_write> classes: Classes;
 @group(1) @binding(1) var<storage, read_write> class_pixels: array<u32>;
 @group(1) @binding(2) var<storage, read_write> arguments: Arguments;
-// Nodes that were asked for: where they are more than there were, the lists are not whole and are not resolved.
-@group(1) @binding(3) var<storage, read> counter: array<u32, 2>;
 
 // Each pixel's place in its class.
-@group(1) @binding(4) var<storage, read_write> class_places: array<u32>;
+@group(1) @binding(3) var<storage, read_write> class_places: array<u32>;
 
 var<workgroup> totals: array<atomic<u32>, CLASS_SLOTS>;
 var<workgroup> firsts: array<u32, CLASS_SLOTS>;
@@ -61,13 +59,12 @@ fn cs_classify(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocati
 
 @compute @workgroup_size(1)
 fn cs_plan() {
-    let whole = counter[1] == 0u && counter[0] <= band.capacity;
     var base = 0u;
     for (var c = 0u; c <= CLASS_COUNT; c++) {
         let total = atomicLoad(&classes.totals[c]);
         classes.bases[c] = base;
         base += total;
-        let groups = select(0u, (total * INVOCATIONS_PER_PIXEL + 63u) / 64u, whole);
+        let groups = (total * INVOCATIONS_PER_PIXEL + 63u) / 64u;
         let x = min(groups, 65535u); // one dimension ends there
         arguments.dispatch[c] = array<u32, 3>(x, (groups + 65534u) / 65535u, 1u);
         arguments.draw[c] = array<u32, 4>(3u, min(groups, 1u), 0u, 0u);

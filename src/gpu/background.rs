@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::buffers::{bind, readable, storage};
 use super::passes::Frame;
 use super::pool::{Budget, Pool, Rect};
+use super::resolve::TILE;
 use super::targets::place;
 use super::timing::Timing;
 use crate::error::Result;
@@ -69,7 +70,7 @@ pub fn read(frame: &Frame, budget: &Budget, request: &Request) -> Result<Vec<[f3
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &read_group, &[]);
             pass.set_bind_group(1, &group, &[]);
-            pass.dispatch_workgroups(rect.w.div_ceil(16), rect.h.div_ceil(16), 1);
+            pass.dispatch_workgroups(rect.w.div_ceil(TILE), rect.h.div_ceil(TILE), 1);
             drop(pass);
             encoder.copy_buffer_to_buffer(&colors, 0, &result, 0, bytes);
             Ok(())

@@ -1,9 +1,10 @@
 //! Filling the lists of one rectangle, linked or contiguous, and resolving them.
 
 use super::buffers::{bind, readable, storage};
+use super::long;
 use super::passes::Frame;
 use super::pool::{Budget, Pool, Rect, image_samples};
-use super::resolve::{Found, Outcome, encode_classes, encode_classify, finish_resolve};
+use super::resolve::{Found, Outcome, encode_classes, encode_classify};
 use super::scan;
 use super::targets::place;
 use super::timing::Timing;
@@ -192,25 +193,31 @@ impl Frame<'_> {
         }
 
         let found = Found::of(variant, &words[1])?;
-        let timing = Timing::new(gpu);
+        let mut timing = Timing::new(gpu);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         gpu.checked("resolving the lists", || {
             encode_classes(self, &mut encoder, pool, &read_group, rect, &found, &timing)
         })?;
-        self.submit(encoder, &timing, &[], &mut output.stats)?;
-        let outcome = finish_resolve(self, pool, &read_group, found, &mut output.stats)?;
+        let mut dropped = 0;
+        if let Some(long_lists) = found.long_lists() {
+            self.submit(encoder, &timing, &[], &mut output.stats)?;
+            dropped = long::resolve(self, pool, &read_group, long_lists, &mut output.stats)?;
+            timing = Timing::new(gpu);
+            encoder = gpu.device.create_command_encoder(&Default::default());
+        }
 
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let image = readable(gpu, "image", 16 * each * rect.pixels());
         let counts = output.counts.is_some().then(|| readable(gpu, "counts", 4 * rect.pixels()));
+        encoder.copy_buffer_to_buffer(&pool.classes, 0, &classes, 0, pool.classes.size());
         encoder.copy_buffer_to_buffer(&pool.image, 0, &image, 0, 16 * each * rect.pixels());
         if let Some(counts) = &counts {
             encoder.copy_buffer_to_buffer(&pool.counts, 0, counts, 0, 4 * rect.pixels());
         }
-        let results: Vec<&wgpu::Buffer> = [&image].into_iter().chain(&counts).collect();
-        let words = self.submit(encoder, &Timing::new(gpu), &results, &mut output.stats)?;
-        place(&words[0], &mut output.image, self.width, rect, each as usize);
-        if let (Some(all), Some(counted)) = (&mut output.counts, words.get(1)) {
+        let results: Vec<&wgpu::Buffer> = [&classes, &image].into_iter().chain(&counts).collect();
+        let words = self.submit(encoder, &timing, &results, &mut output.stats)?;
+        let outcome = Found::of(variant, &words[0])?.outcome(dropped);
+        place(&words[1], &mut output.image, self.width, rect, each as usize);
+        if let (Some(all), Some(counted)) = (&mut output.counts, words.get(2)) {
             place(counted, all, self.width, rect, 1);
         }
         Ok(Filled::Done { nodes, outcome })

@@ -44,20 +44,15 @@ pub struct Eye<'a> {
 pub struct Found {
     /// Finite triangles whose transformed values are not.
     pub rejected: u64,
-    /// Of those that are listed, and of those that hide.
+    /// Of those that are listed.
     pub listed: Extent,
-    pub hiding: Extent,
 }
 
 impl Found {
-    const NOTHING: Self = Self { rejected: 0, listed: Extent::NOTHING, hiding: Extent::NOTHING };
+    const NOTHING: Self = Self { rejected: 0, listed: Extent::NOTHING };
 
     fn join(self, other: Self) -> Self {
-        Self {
-            rejected: self.rejected + other.rejected,
-            listed: self.listed.join(other.listed),
-            hiding: self.hiding.join(other.hiding),
-        }
+        Self { rejected: self.rejected + other.rejected, listed: self.listed.join(other.listed) }
     }
 }
 
@@ -165,12 +160,10 @@ impl Arrays {
                     return Found { rejected: 1, ..Found::NOTHING };
                 }
                 *positions = relative.map(|p| p.as_vec3().to_array());
-                let extent = eye.viewpoint.extent(relative);
                 if source.opaque && !eye.list_opaque {
-                    Found { hiding: extent, ..Found::NOTHING }
-                } else {
-                    Found { listed: extent, ..Found::NOTHING }
+                    return Found::NOTHING;
                 }
+                Found { listed: eye.viewpoint.extent(relative), ..Found::NOTHING }
             })
             .reduce(|| Found::NOTHING, Found::join);
         arrays

@@ -95,7 +95,7 @@ impl Layouts {
             scatter: of("scatter", fragment, &[Uniform, ReadWrite, ReadWrite]),
             depth: variant.compares_depth().then(|| of("opaque depth", fragment, &[depth])),
             read: of("read", resolve, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite, Color, color]),
-            classify: of("classify", compute, &[ReadWrite, ReadWrite, ReadWrite, Read, ReadWrite]),
+            classify: of("classify", compute, &[ReadWrite, ReadWrite, ReadWrite, ReadWrite]),
             class: of("class", resolve, &[ReadWrite, Read, ReadWrite]),
             average: of("average", compute, &[Read]),
             background: of("background", compute, &[ReadWrite]),

@@ -1,14 +1,12 @@
 //! The resolve of one rectangle's lists: classified by length, then each class by its own pipeline, dispatched or
 //! drawn indirectly; what is longer than any class by the stages in `long`.
 
-use super::buffers::{bind, readable};
-use super::long;
+use super::buffers::bind;
 use super::passes::Frame;
 use super::pool::{Pool, Rect};
 use super::timing::Timing;
 use super::variant::Variant;
 use crate::error::{Error, Result};
-use crate::frame::Stats;
 
 /// Tile width and height, as classification counts them.
 pub const TILE: u32 = 16;
@@ -41,16 +39,33 @@ pub struct Found {
     bases: Vec<u32>,
     longest: u32,
     filled_tiles: u32,
+    /// Fragments beyond the limit, once the classes are resolved.
+    dropped: u32,
 }
 
 impl Found {
     pub fn of(variant: &Variant, words: &[u32]) -> Result<Self> {
         let slots = variant.classes.len() + 1;
-        let [longest, filled_tiles, ..] = words[2 * slots..] else {
+        let [longest, filled_tiles, dropped, ..] = words[2 * slots..] else {
             return Err(Error::Device("the classes were not read back whole".into()));
         };
         let (totals, bases) = (words[..slots].to_vec(), words[slots..2 * slots].to_vec());
-        Ok(Self { totals, bases, longest, filled_tiles })
+        Ok(Self { totals, bases, longest, filled_tiles, dropped })
+    }
+
+    /// The lists that no class has room for: the first of their pixels, and how many they are.
+    pub fn long_lists(&self) -> Option<(u32, u32)> {
+        let (first, count) = (self.bases.last()?, self.totals.last()?);
+        (*count > 0).then_some((*first, *count))
+    }
+
+    pub fn outcome(&self, dropped_of_long_lists: u64) -> Outcome {
+        Outcome {
+            longest: self.longest,
+            filled_tiles: u64::from(self.filled_tiles),
+            dropped: u64::from(self.dropped) + dropped_of_long_lists,
+            totals: self.totals.iter().copied().map(u64::from).collect(),
+        }
     }
 }
 
@@ -84,7 +99,6 @@ pub fn encode_classify(
             (&pool.classes).into(),
             (&pool.class_pixels).into(),
             (&pool.arguments).into(),
-            (&pool.counter).into(),
             (&pool.class_places).into(),
         ],
     );
@@ -164,35 +178,4 @@ pub fn encode_classes(
         pass.dispatch_workgroups(rect.w.div_ceil(TILE), rect.h.div_ceil(TILE), 1);
     }
     Ok(())
-}
-
-/// Resolves the lists that no class has room for.
-pub fn finish_resolve(
-    frame: &Frame,
-    pool: &Pool,
-    read_group: &wgpu::BindGroup,
-    found: Found,
-    stats: &mut Stats,
-) -> Result<Outcome> {
-    let gpu = frame.gpu;
-    let mut outcome = Outcome {
-        longest: found.longest,
-        filled_tiles: u64::from(found.filled_tiles),
-        dropped: 0,
-        totals: found.totals.iter().copied().map(u64::from).collect(),
-    };
-    if frame.pipelines.variant.limit.is_some() {
-        let words = pool.classes.size();
-        let buffer = readable(gpu, "classes", words);
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&pool.classes, 0, &buffer, 0, words);
-        let words = gpu.submit_and_read(encoder, &[&buffer])?.remove(0);
-        outcome.dropped = u64::from(words[2 * found.totals.len() + 2]);
-    }
-    let last = found.totals.len() - 1;
-    if found.totals[last] > 0 {
-        let long = (found.bases[last], found.totals[last]);
-        outcome.dropped += long::resolve(frame, pool, read_group, long, stats)?;
-    }
-    Ok(outcome)
 }
