@@ -23,6 +23,11 @@ struct View {
     code_step: f32,
     // 1: the background is a texture, else View.background.
     background_texture: u32,
+    // 0, which no compiler can know (see exact.wgsl).
+    zero: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 // The rectangle of pixels that one pass over the geometry fills lists for.

@@ -81,6 +81,7 @@ pub struct Request {
 /// What concerns stored lists, which the GPU's pipelines keep.
 #[derive(Debug, Clone)]
 pub struct ListOptions {
+    pub rasteriser: Rasteriser,
     pub storage: Storage,
     pub format: NodeFormat,
     /// The longest list of each class of the resolve, rising.
@@ -89,6 +90,14 @@ pub struct ListOptions {
     pub fullscreen: bool,
     /// Names and WGSL of a user's blends, ids 5 and on.
     pub blends: Arc<[(String, String)]>,
+}
+
+/// What turns triangles into fragments on a GPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Rasteriser {
+    Hardware,
+    /// `tiles`: compute shaders.
+    Tiles,
 }
 
 /// How lists are stored.

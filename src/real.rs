@@ -28,6 +28,8 @@ pub trait Real:
     const MAX_KEY: Self::Key;
 
     fn from_f64(value: f64) -> Self;
+    /// position − center, as the devices of this precision compute it.
+    fn relative(position: f64, center: f64) -> Self;
     fn to_f64(self) -> f64;
     fn from_i32(value: i32) -> Self;
     /// `floor(self)` as an integer; the caller has bounded the value.
@@ -71,7 +73,7 @@ impl Bounded for u128 {
 }
 
 macro_rules! impl_real {
-    ($float:ty, $key:ty, $entry:ty, $sign:expr, $bias:expr) => {
+    ($float:ty, $key:ty, $entry:ty, $sign:expr, $bias:expr, $relative:expr) => {
         impl Real for $float {
             type Key = $key;
             type Entry = $entry;
@@ -83,6 +85,10 @@ macro_rules! impl_real {
             #[inline]
             fn from_f64(value: f64) -> Self {
                 value as $float
+            }
+            #[inline]
+            fn relative(position: f64, center: f64) -> Self {
+                $relative(position, center)
             }
             #[inline]
             fn to_f64(self) -> f64 {
@@ -139,8 +145,25 @@ macro_rules! impl_real {
         }
     };
 }
-impl_real!(f32, u32, u64, 0x8000_0000_u32, 127);
-impl_real!(f64, u64, u128, 0x8000_0000_0000_0000_u64, 1023);
+impl_real!(f32, u32, u64, 0x8000_0000_u32, 127, relative_f32);
+impl_real!(f64, u64, u128, 0x8000_0000_0000_0000_u64, 1023, std::ops::Sub::sub);
+
+/// A double as a float and what that leaves: 48 bits.
+pub fn split(value: f64) -> (f32, f32) {
+    let high = value as f32;
+    let rest = (value - f64::from(high)) as f32;
+    (high, if high.is_finite() { rest } else { 0.0 })
+}
+
+/// With one rounding of the difference, in floats alone, so that every device gives the same bits: Knuth's two-sum
+/// keeps what the first difference loses (shaders/tiles/setup.wgsl).
+fn relative_f32(position: f64, center: f64) -> f32 {
+    let ((high, rest), (center, center_rest)) = (split(position), split(center));
+    let sum = high - center;
+    let shadow = sum - high;
+    let lost = (high - (sum - shadow)) + (-center - shadow);
+    sum + (lost + (rest - center_rest))
+}
 
 /// The sort key of a fragment: smaller is in front.
 ///

@@ -19,6 +19,7 @@ macro_rules! sources {
 /// Every shader file, by name.
 pub static SOURCES: &[(&str, &str)] = sources![
     "common",
+    "exact",
     "raster",
     "varyings",
     "varyings_samples",
@@ -50,6 +51,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "resolve/read",
     "resolve/opaque",
     "resolve/opaque_samples",
+    "resolve/opaque_buffer",
     "resolve/classes",
     "resolve/classify",
     "resolve/class",
@@ -71,6 +73,17 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "blend/front_to_back",
     "blend/back_to_front",
     "methods/exact",
+    "tiles/triangle",
+    "tiles/setup",
+    "tiles/clip",
+    "tiles/edges",
+    "tiles/bin",
+    "tiles/walk",
+    "tiles/lists",
+    "tiles/opaque",
+    "tiles/keep",
+    "tiles/hidden",
+    "tiles/hidden_none",
 ];
 
 /// A module's text, and where each file starts in it.

@@ -35,6 +35,7 @@ CPU32 = Precision("tiles", "cpu", "float32", 1e-5, 4)
 CPU64 = Precision("tiles", "cpu", "float64", 1e-13, 0)
 GPU = Precision("linked_list", "gpu", "float32", 1e-5, 8)
 GPU_PREFIX = Precision("prefix_sum", "gpu", "float32", GPU.depth_relative, GPU.interpolation_ulps)
+GPU_TILES = Precision("tiles", "gpu", "float32", GPU.depth_relative, GPU.interpolation_ulps)
 
 
 def assert_frame_matches(frame, hits, edges, precision, background=(0, 0, 0, 0)):

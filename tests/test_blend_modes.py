@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 import abuffer as ab
 import scenes
-from comparison import CPU32, CPU64, GPU, GPU_PREFIX, U
+from comparison import CPU32, CPU64, GPU, GPU_PREFIX, GPU_TILES, U
 from oracle_msaa import MODES, blend_bound, blend_lists
 
-PIPELINES = [CPU32, CPU64, GPU, GPU_PREFIX]
+PIPELINES = [CPU32, CPU64, GPU, GPU_PREFIX, GPU_TILES]
 EVERY = pytest.mark.parametrize("pipeline", PIPELINES, ids=str)
 MODE = pytest.mark.parametrize("mode", MODES)
 FRONT = ab.Camera(*scenes.front_camera())

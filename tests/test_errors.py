@@ -239,9 +239,9 @@ print(frame.plan["device"], frame.stats.fragments > 0)
 # ---- UnsupportedError: names the feature ----
 
 
-def test_tiles_do_not_run_on_a_gpu(needs_gpu):
-    text = message(ab.UnsupportedError, render, pipeline="tiles", device="gpu")
-    assert '"tiles"' in text
+def test_tiles_on_a_gpu_say_how_large_an_image_they_render(needs_gpu):
+    text = message(ab.UnsupportedError, render, pipeline="tiles", device="gpu", width=16384, height=16384)
+    assert "16384×16384" in text
     assert 'device="cpu"' in text
     assert 'pipeline="linked_list"' in text
 

@@ -7,10 +7,10 @@ import pytest
 
 import abuffer as ab
 import scenes
-from comparison import CPU32, CPU64, GPU
+from comparison import CPU32, CPU64, GPU, GPU_TILES
 
-EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU], ids=str)
-FLOAT32 = pytest.mark.parametrize("pipeline", [CPU32, GPU], ids=str)
+EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU, GPU_TILES], ids=str)
+FLOAT32 = pytest.mark.parametrize("pipeline", [CPU32, GPU, GPU_TILES], ids=str)
 
 
 @FLOAT32
@@ -91,7 +91,7 @@ def test_hdr_colours_on_slivers_stay_finite(pipeline):
     assert (frame.fragments.color <= own.max(axis=1)).all()
 
 
-@pytest.mark.parametrize("pipeline", [CPU32, GPU], ids=str)
+@pytest.mark.parametrize("pipeline", [CPU32, GPU, GPU_TILES], ids=str)
 def test_a_pixel_deeper_than_a_threads_share_is_counted_in_the_bytes(pipeline):
     triangles, colors = scenes.layers(3000, 0.01)
     frame = pipeline.render(

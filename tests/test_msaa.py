@@ -13,10 +13,10 @@ import abuffer as ab
 import oracle
 import oracle_msaa
 import scenes
-from comparison import CPU32, CPU64, EDGE, GPU, GPU_PREFIX, U, gradient_of_image
+from comparison import CPU32, CPU64, EDGE, GPU, GPU_PREFIX, GPU_TILES, U, gradient_of_image
 from oracle_msaa import PATTERNS, popcount, positions
 
-PIPELINES = [CPU32, CPU64, GPU, GPU_PREFIX]
+PIPELINES = [CPU32, CPU64, GPU, GPU_PREFIX, GPU_TILES]
 EVERY = pytest.mark.parametrize("pipeline", PIPELINES, ids=str)
 ON_CPU = pytest.mark.parametrize("pipeline", [CPU32, CPU64], ids=str)
 FRONT = ab.Camera(*scenes.front_camera())
@@ -306,7 +306,7 @@ def test_the_cpu_has_all_five_counts():
     assert sample_counts(CPU32) == sample_counts(CPU64) == [2, 4, 8, 16]
 
 
-@pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX], ids=str)
+@pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX, GPU_TILES], ids=str)
 def test_a_gpu_has_at_least_4_samples_and_names_what_it_has(pipeline):
     counts = sample_counts(pipeline)
     assert 4 in counts

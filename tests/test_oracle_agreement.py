@@ -6,7 +6,7 @@ import pytest
 import abuffer as ab
 import oracle
 import scenes
-from comparison import CPU32, CPU64, GPU, assert_frame_matches
+from comparison import CPU32, CPU64, GPU, GPU_TILES, assert_frame_matches
 
 # name: (triangles and colours, width, height)
 SCENES = {
@@ -44,7 +44,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("precision", [CPU64, CPU32, GPU], ids=str)
+@pytest.mark.parametrize("precision", [CPU64, CPU32, GPU, GPU_TILES], ids=str)
 @pytest.mark.parametrize(("name", "view"), CASES)
 def test_lists_and_image_match_the_oracle(name, view, precision):
     (triangles, colors), width, height = SCENES[name]
@@ -65,7 +65,7 @@ def test_lists_and_image_match_the_oracle(name, view, precision):
     print(", ".join(f"{key} {value:.3g}" for key, value in measured.items()))
 
 
-@pytest.mark.parametrize("precision", [CPU32, GPU], ids=str)
+@pytest.mark.parametrize("precision", [CPU32, GPU, GPU_TILES], ids=str)
 def test_float32_depth_of_20_pixel_triangles_is_good_to_1e_5(precision):
     """The 99th percentile: 5e-4 from snapped vertices, 8e-5 from planes anchored at the image's corner."""
     width, height = 640, 480
@@ -88,7 +88,7 @@ def test_float32_depth_of_20_pixel_triangles_is_good_to_1e_5(precision):
     assert np.percentile(errors, 99) < 1e-5
 
 
-@pytest.mark.parametrize("precision", [CPU64, CPU32, GPU], ids=str)
+@pytest.mark.parametrize("precision", [CPU64, CPU32, GPU, GPU_TILES], ids=str)
 def test_slivers_stay_within_the_range_of_their_vertices(precision):
     """Aspects over 1e4: their planes amplify every rounding, so only the hull of the vertices is promised."""
     rng = np.random.default_rng(13)

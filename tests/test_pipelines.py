@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 import abuffer as ab
 import scenes
 from abuffer import _core
-from comparison import CPU32, CPU64, GPU, U
+from comparison import CPU32, CPU64, GPU, GPU_TILES, U
 
-EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU], ids=str)
+EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU, GPU_TILES], ids=str)
 FRONT = ab.Camera(*scenes.front_camera())
 
 

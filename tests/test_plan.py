@@ -116,8 +116,8 @@ def test_samples_are_resolved_apart_only_where_that_is_asked_for(needs_gpu):
     assert "average" not in together.stats.ms
     assert "average" in apart.stats.ms
     assert (
-        apart.stats.bytes["image band"] - together.stats.bytes["image band"] >= 4 * 16 * 64 * 48 - 16
-    )  # no empty buffer
+        apart.stats.bytes["image band"] - together.stats.bytes["image band"] >= 4 * 16 * 64 * 48 - 64
+    )  # no buffer is empty
 
 
 def test_a_pool_that_expects_right_draws_the_geometry_once(needs_gpu):

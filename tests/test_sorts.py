@@ -5,10 +5,10 @@ import pytest
 
 import abuffer as ab
 import scenes
-from comparison import CPU32, CPU64, GPU, GPU_PREFIX, U
+from comparison import CPU32, CPU64, GPU, GPU_PREFIX, GPU_TILES, U
 from oracle_msaa import MODES, blend_lists
 
-EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU, GPU_PREFIX], ids=str)
+EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU, GPU_PREFIX, GPU_TILES], ids=str)
 ON_GPU = pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX], ids=str)
 SORTS = ("auto", "insertion", "selection", "bitonic", "merge", "heap")
 LONGEST = 200
@@ -42,7 +42,7 @@ def draw(pipeline, scene, **kw):
 
 def few_classes(pipeline):
     """Two resolve classes instead of five: a GPU compiles a shader for each, with each sort and limit."""
-    return {"resolve_classes": (8, 32)} if pipeline.device == "gpu" else {}
+    return {"resolve_classes": (8, 32)} if pipeline in (GPU, GPU_PREFIX) else {}
 
 
 def permuted(scene, order):

@@ -102,7 +102,7 @@ def test_there_is_one_method_and_a_pipeline_for_each_kind_of_device():
     assert list(ab.methods()) == ["exact"]
     assert ab.methods()["exact"]["order"] == "front_to_back"
     runs_on = {key: row["runs on"] for key, row in ab.pipelines().items()}
-    assert runs_on == {"tiles": "cpu", "linked_list": "gpu", "prefix_sum": "gpu"}
+    assert runs_on == {"tiles": "cpu, gpu", "linked_list": "gpu", "prefix_sum": "gpu"}
 
 
 def test_every_method_renders():
@@ -121,7 +121,7 @@ def test_devices_tell_kind_driver_and_what_runs_on_them(machine):
     devices = ab.devices()
     assert list(devices) == ["cpu", "Voodoo 2 SLI", "Voodoo 1", "softpipe (2 cores)"]
     wanted = {"kind": "discrete", "backend": "vulkan", "driver": "of a test"}
-    wanted |= {"pipelines": "linked_list, prefix_sum"}
+    wanted |= {"pipelines": "tiles, linked_list, prefix_sum"}
     assert devices["Voodoo 2 SLI"] == wanted
     assert devices["Voodoo 1"]["pipelines"] == "none: lacks storage buffers that fragment shaders can write"
     assert devices["softpipe (2 cores)"]["kind"] == "software"
@@ -235,12 +235,15 @@ def test_a_pipeline_of_gpus_outweighs_an_abuffer_device_that_is_the_cpu(machine,
     assert chosen(pipeline=pipeline)[0] == 0
 
 
-def test_auto_with_the_cpus_pipeline_or_precision_is_the_cpu(machine):
+def test_auto_with_tiles_is_the_best_real_gpu_with_any_number_of_samples_or_the_cpu(machine):
     machine(LARGE)
-    assert chosen(pipeline="tiles") == (
-        None,
-        {"device": ("cpu", "pipeline tiles is the CPU's"), "pipeline": ("tiles", "as asked")},
-    )
+    assert chosen(pipeline="tiles", samples=16)[0] == 0
+    machine(SOFTWARE)
+    assert chosen(pipeline="tiles")[0] is None
+
+
+def test_auto_with_the_cpus_precision_is_the_cpu(machine):
+    machine(LARGE)
     place, plan = chosen(precision="float64")
     assert place is None
     assert plan["device"] == ("cpu", "float64 is the CPU's")
@@ -347,9 +350,9 @@ def test_a_pipeline_of_gpus_on_the_cpu_is_a_wrong_argument(machine, pipeline):
         assert 'device="gpu"' in text
 
 
-def test_tiles_on_a_gpu_are_not_there_yet(machine):
+def test_tiles_run_on_a_gpu_that_is_asked_for(machine):
     machine(LARGE)
-    assert 'device="cpu"' in refused(ab.UnsupportedError, device="gpu", pipeline="tiles")
+    assert chosen("gpu", pipeline="tiles")[0] == 0
 
 
 # ---- real renders ----

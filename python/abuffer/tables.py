@@ -5,7 +5,7 @@ import threading
 from typing import NamedTuple
 
 from . import _core
-from .errors import DeviceError, ParameterError, UnsupportedError
+from .errors import DeviceError, ParameterError
 
 
 class Table(dict):
@@ -29,7 +29,10 @@ METHODS = Table(
 
 PIPELINES = Table(
     {
-        "tiles": {"runs on": "cpu", "how": "triangles binned to 16×16 tiles, each pixel's fragments sorted in cache"},
+        "tiles": {
+            "runs on": "cpu, gpu",
+            "how": "triangles binned to 16×16 tiles, each pixel's fragments sorted in cache",
+        },
         "linked_list": {"runs on": "gpu", "how": "hardware rasteriser, a linked list of fragments for each pixel"},
         "prefix_sum": {
             "runs on": "gpu",
@@ -37,7 +40,7 @@ PIPELINES = Table(
         },
     }
 )
-ON_GPU = tuple(key for key, row in PIPELINES.items() if row["runs on"] == "gpu")
+ON_GPU = tuple(key for key, row in PIPELINES.items() if row["runs on"] == "gpu")  # and nowhere else
 
 _LOCK = threading.Lock()
 _found = None, []  # the process that asked, and the adapters that it found
@@ -94,7 +97,7 @@ def devices() -> Table:
         name = adapter["name"]
         while name in table:
             name += " (again)"
-        runs = f"none: lacks {adapter['lacks']}" if adapter["lacks"] else ", ".join(ON_GPU)
+        runs = f"none: lacks {adapter['lacks']}" if adapter["lacks"] else ", ".join(("tiles", *ON_GPU))
         row = {"kind": adapter["kind"], "backend": adapter["backend"], "driver": adapter["driver"], "pipelines": runs}
         table[name] = row
     return table
@@ -130,8 +133,6 @@ def choose(pipeline, device, precision, environment, plan, wants=None):
         return None, "tiles"
     if precision == "float64":
         raise ParameterError(FLOAT64)
-    if pipeline == "tiles":
-        raise UnsupportedError(f'pipeline "tiles" runs on the CPU only: give device="cpu", or pipeline="{ON_GPU[0]}"')
     found = _adapters()[adapter]
     software = ", a software driver" if found["kind"] == "software" else ""
     plan.append(("device", f"{found['name']}{software}", why))
@@ -148,8 +149,6 @@ def _auto(pipeline, precision, environment, wants):
     """What precision and pipeline leave open, the environment decides; what it leaves open, the hardware."""
     if precision == "float64":
         return None, "float64 is the CPU's"
-    if pipeline == "tiles":
-        return None, "pipeline tiles is the CPU's"
     environment = environment or "auto"
     if environment.lower() != "auto" and not (environment.lower() == "cpu" and pipeline in ON_GPU):
         try:
@@ -160,7 +159,8 @@ def _auto(pipeline, precision, environment, wants):
     if pipeline in ON_GPU:
         return _named("gpu")
     real = [i for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
-    enough = [i for i in real if wants.samples in _adapters()[i]["samples"]]
+    # Tiles find samples for themselves.
+    enough = [i for i in real if pipeline == "tiles" or wants.samples in _adapters()[i]["samples"]]
     if real and wants.numpy:
         return None, "a Blend here has no wgsl for GPUs"
     if enough:

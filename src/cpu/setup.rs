@@ -237,7 +237,7 @@ impl<T: Real> Part<T> {
 
 impl<T: Real> View<T> {
     fn transform(&self, position: DVec3, color: [T; 4]) -> Vertex<T> {
-        let p = (position - self.center).to_array().map(T::from_f64);
+        let p: [T; 3] = std::array::from_fn(|i| T::relative(position[i], self.center[i]));
         let dot = |r: &[T; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
         let [x, y, w, depth] = std::array::from_fn(|i| dot(&self.rows[i]));
         Vertex { x, y, w, depth: if self.volume.perspective { w } else { depth }, color }

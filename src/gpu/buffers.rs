@@ -37,8 +37,8 @@ pub fn with_contents<T: bytemuck::Pod>(
 fn buffer(gpu: &Gpu, label: &str, bytes: u64, usage: BufferUsages) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
-        // A binding may not be empty, and copies come in words.
-        size: bytes.max(16).next_multiple_of(4),
+        // A binding holds at least one element, and copies come in words.
+        size: bytes.max(64).next_multiple_of(4),
         usage,
         mapped_at_creation: false,
     })

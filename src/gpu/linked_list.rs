@@ -7,6 +7,7 @@
 
 use std::time::Instant;
 
+use glam::DVec3;
 use wgpu::BufferUsages;
 
 use super::background;
@@ -14,20 +15,23 @@ use super::buffers::with_contents;
 use super::device::Gpu;
 use super::extent::Viewpoint;
 use super::fill::{Filled, Way};
-use super::geometry::{Eye, Geometry};
+use super::geometry::{self, Geometry};
 use super::lists::Reader;
-use super::passes::Frame;
+use super::passes::{Frame, Raster};
 use super::plan;
 use super::pool::{Budget, DEFAULT_MEMORY, Pool, Rect};
 use super::resolve::{Outcome, TILE};
 use super::targets::Targets;
-use super::uniforms::View;
+use super::tiles::{self, Walker};
+use super::uniforms::{Eye, View};
+use super::upload::Uploaded;
 use super::variant::Variant;
 use crate::camera::{Camera, ClipRows};
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
 use crate::frame::{Lists, Output, Request, Stats, Storage, allocate};
 use crate::node_format::DepthCodes;
+use crate::real::split;
 use crate::scene::Scene;
 use crate::threads::threads;
 
@@ -45,8 +49,9 @@ pub fn render(
     let budget = Budget::of(gpu, &variant, request.memory.unwrap_or(DEFAULT_MEMORY));
 
     let clock = Instant::now();
-    let (frame, codes, rect) = upload(gpu, &variant, scene, camera, request, &background, &budget)?;
-    stats.rejected_triangles = frame.geometry.found.rejected;
+    let (frame, codes, rect) =
+        upload(gpu, &variant, (scene, camera), request, &background, &budget, &mut stats)?;
+    stats.rejected_triangles = frame.raster.rejected();
     plan::describe_rect(rect, request, &mut stats);
     stats.stage("upload", clock);
     frame.draw_opaque(&mut stats)?;
@@ -77,7 +82,7 @@ pub fn render(
     }
     output.background = behind.filter(|_| wants_lists);
     // The device counts the pieces of a cut triangle apart: then it takes the lists to count.
-    let pieces = request.samples > 1 && frame.geometry.found.listed.is_cut;
+    let pieces = matches!(&frame.raster, Raster::Hardware(g) if request.samples > 1 && g.found.listed.is_cut);
     let reader = (wants_lists || (pieces && request.lists == Lists::Count)).then_some(Reader {
         gpu,
         layout: variant.layout,
@@ -88,7 +93,10 @@ pub fn render(
     let mut band_lists = Vec::new();
     let mut pool: Option<Pool> = None;
     let mut outcome = Outcome::default();
-    let expected = frame.geometry.found.listed.nodes();
+    let expected = match &frame.raster {
+        Raster::Hardware(geometry) => geometry.found.listed.nodes(),
+        Raster::Tiles(_) => 0, // they are counted first
+    };
     let mut draws = 0;
     let contiguous = variant.storage == Storage::Contiguous;
     rect.map_or(Ok(()), |rect| budget.check(rect))?;
@@ -103,7 +111,7 @@ pub fn render(
             Some(pool) if pool.pixels >= rect.pixels() => pool,
             _ => Pool::new(gpu, &variant, rect.pixels(), 1)?,
         };
-        let way = match (contiguous, budget.appends(wanted.max(fresh.capacity))) {
+        let way = match (contiguous, !variant.tiles && budget.appends(wanted.max(fresh.capacity))) {
             (false, _) => Way::Link,
             (true, true) => Way::Append,
             (true, false) => Way::Scatter,
@@ -161,7 +169,7 @@ pub fn render(
         output.stats.stage("lists", clock);
     }
     let bytes = &mut output.stats.bytes;
-    bytes.push(("geometry", frame.geometry.bytes));
+    bytes.extend(frame.raster.bytes());
     bytes.extend(pool.iter().flat_map(Pool::bytes));
     bytes.push(("targets", frame.targets.bytes));
     Ok(output)
@@ -179,11 +187,11 @@ fn recount(lists: &Fragments<f32>, output: &mut Output<f32>) {
 fn upload<'g>(
     gpu: &'g Gpu,
     variant: &Variant,
-    scene: &Scene,
-    camera: &Camera,
+    (scene, camera): (&Scene, &Camera),
     request: &Request,
     background: &Background<f32>,
     budget: &Budget,
+    stats: &mut Stats,
 ) -> Result<(Frame<'g>, DepthCodes, Option<Rect>)> {
     let (width, height) = (request.width, request.height);
     let pipelines = gpu.pipelines(variant);
@@ -193,7 +201,26 @@ fn upload<'g>(
         let rows = camera.clip_rows(center);
         let mut uniform = view_uniform(camera, &rows, depths, request, background);
         let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[uniform]);
-        let eye = Eye {
+        if variant.tiles {
+            let eye = tile_eye(camera, &rows, center, (width, height));
+            let of = tiles::Context { gpu, pipelines: &pipelines, view: &view };
+            let scene = Uploaded::new(gpu, scene)?;
+            let add_time = |stage, ms| stats.add(stage, ms);
+            let walker = Walker::new(of, scene, eye, (width, height), budget.memory, add_time)?;
+            let rect = walker.counted.rect;
+            let frame = Frame {
+                gpu,
+                targets: Targets::new(gpu, variant, (width, height), background)?,
+                pipelines: pipelines.clone(),
+                raster: Raster::Tiles(Box::new(walker)),
+                view,
+                width,
+                scratch: budget.scratch,
+            };
+            let codes = DepthCodes::new((0.0, 1.0), None, rows.perspective);
+            return Ok((frame, codes, rect.map(|rect| aligned(rect, width, height))));
+        }
+        let eye = geometry::Eye {
             rows: &rows,
             center,
             viewpoint: Viewpoint::new(camera, &rows, (width, height), request.samples > 1),
@@ -212,7 +239,7 @@ fn upload<'g>(
                 gpu,
                 targets: Targets::new(gpu, variant, (width, height), background)?,
                 pipelines: pipelines.clone(),
-                geometry,
+                raster: Raster::Hardware(geometry),
                 view,
                 width,
                 scratch: budget.scratch,
@@ -221,6 +248,24 @@ fn upload<'g>(
             rect,
         ))
     })
+}
+
+/// The view as the tile rasteriser sets triangles up, in the CPU's precision and roundings.
+fn tile_eye(camera: &Camera, rows: &ClipRows, center: DVec3, (width, height): (u32, u32)) -> Eye {
+    let (near, far) = camera.depth_range();
+    let [x, y, z] = center.to_array().map(split);
+    Eye {
+        rows: [rows.x, rows.y, rows.w, rows.depth].map(|r| r.to_array().map(|v| v as f32)),
+        center_high: [x.0, y.0, z.0, 0.0],
+        center_low: [x.1, y.1, z.1, 0.0],
+        to_pixels: [2.0 / width as f32, -2.0 / height as f32],
+        near: near as f32,
+        far: (far as f32).min(f32::MAX),
+        triangles: 0,
+        piece_capacity: 0,
+        pad0: 0,
+        pad1: 0,
+    }
 }
 
 /// Grown to whole tiles.
@@ -269,5 +314,9 @@ fn view_uniform(
         code_scale: 0.0,
         code_step: 0.0,
         background_texture: u32::from(matches!(background, Background::Image(_))),
+        zero: 0,
+        pad0: 0,
+        pad1: 0,
+        pad2: 0,
     }
 }

@@ -16,9 +16,11 @@ mod pool;
 mod resolve;
 mod scan;
 mod targets;
+mod tiles;
 mod timing;
 mod uniforms;
 mod unrolled;
+mod upload;
 mod variant;
 
 pub use linked_list::render;

@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::buffers::{bind, readable, with_contents};
+use super::buffers::{Bound, bind, readable, with_contents};
 use super::device::Gpu;
 use super::geometry::Geometry;
 use super::pipelines::Pipelines;
 use super::pool::{Pool, Rect};
 use super::targets::Targets;
+use super::tiles::{self, Walker};
 use super::timing::Timing;
 use super::uniforms::Band;
 use super::variant::BuildStage;
@@ -25,12 +26,34 @@ const TRIP_BUDGET: u32 = 32_768;
 pub struct Frame<'a> {
     pub gpu: &'a Gpu,
     pub pipelines: Arc<Pipelines>,
-    pub geometry: Geometry,
+    pub raster: Raster,
     pub view: wgpu::Buffer,
     pub targets: Targets,
     pub width: u32,
     /// Entries of scratch for long lists.
     pub scratch: u64,
+}
+
+/// What turns triangles into fragments.
+pub enum Raster {
+    Hardware(Geometry),
+    Tiles(Box<Walker>),
+}
+
+impl Raster {
+    pub fn rejected(&self) -> u64 {
+        match self {
+            Self::Hardware(geometry) => geometry.found.rejected,
+            Self::Tiles(walker) => walker.counted.rejected,
+        }
+    }
+
+    pub fn bytes(&self) -> Vec<(&'static str, u64)> {
+        match self {
+            Self::Hardware(geometry) => vec![("geometry", geometry.bytes)],
+            Self::Tiles(walker) => walker.bytes(),
+        }
+    }
 }
 
 impl Frame<'_> {
@@ -41,6 +64,15 @@ impl Frame<'_> {
         }
         let timing = Timing::new(self.gpu);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let geometry = match &self.raster {
+            Raster::Hardware(geometry) => geometry,
+            Raster::Tiles(walker) => {
+                self.gpu.checked("the opaque pass", || {
+                    walker.encode_opaque(self.tiles(), &mut encoder, &timing)
+                })?;
+                return self.submit(encoder, &timing, &[], stats).map(|_| ());
+            }
+        };
         let pipeline = self.pipelines.opaque(self.gpu)?;
         let color = [Some(wgpu::RenderPassColorAttachment {
             view: &self.targets.opaque_color,
@@ -61,10 +93,15 @@ impl Frame<'_> {
                 ..Default::default()
             });
             pass.set_pipeline(pipeline);
-            self.geometry.draw(&mut pass);
+            geometry.draw(&mut pass);
             Ok(())
         })?;
         self.submit(encoder, &timing, &[], stats).map(|_| ())
+    }
+
+    /// Of the tile rasteriser.
+    fn tiles(&self) -> tiles::Context<'_> {
+        tiles::Context { gpu: self.gpu, pipelines: &self.pipelines, view: &self.view }
     }
 
     pub fn band(&self, pool: &Pool, rect: Rect) -> wgpu::Buffer {
@@ -82,6 +119,10 @@ impl Frame<'_> {
 
     /// What the stages after the build bind as group 0.
     pub fn read_group(&self, pool: &Pool, band: &wgpu::Buffer) -> wgpu::BindGroup {
+        let opaque: Bound = match &self.raster {
+            Raster::Hardware(_) => (&self.targets.opaque_color).into(),
+            Raster::Tiles(walker) => (&walker.opaque_colors).into(),
+        };
         bind(
             self.gpu,
             "read",
@@ -94,7 +135,7 @@ impl Frame<'_> {
                 (&pool.image).into(),
                 (&pool.counts).into(),
                 (&self.targets.background).into(),
-                (&self.targets.opaque_color).into(),
+                opaque,
             ],
         )
     }
@@ -108,6 +149,15 @@ impl Frame<'_> {
         rect: Rect,
         timing: &Timing,
     ) -> Result<()> {
+        let layouts = &self.pipelines.layouts;
+        let geometry = match &self.raster {
+            Raster::Hardware(geometry) => geometry,
+            Raster::Tiles(walker) => {
+                let scatters = stage == BuildStage::Scatter;
+                let layout = if scatters { &layouts.scatter } else { &layouts.count };
+                return walker.encode_keep(self.tiles(), stage, (layout, lists), rect, encoder, timing);
+            }
+        };
         let pipeline = self.pipelines.build(self.gpu, stage)?;
         let depth = (self.pipelines.layouts.depth.as_ref())
             .zip(self.targets.depth_to_load.as_ref())
@@ -131,7 +181,7 @@ impl Frame<'_> {
         if let Some(depth) = &depth {
             pass.set_bind_group(2, depth, &[]);
         }
-        self.geometry.draw(&mut pass);
+        geometry.draw(&mut pass);
         Ok(())
     }
 

@@ -7,6 +7,7 @@ use wgpu::{ShaderStages, TextureFormat};
 
 use super::buffers::{Slot, layout};
 use super::device::Gpu;
+use super::tiles::Stages;
 use super::variant::{BuildStage, Variant};
 use crate::error::{Error, Result};
 use crate::shader::Composed;
@@ -33,6 +34,7 @@ pub struct Pipelines {
     background: Once<wgpu::ComputePipeline>,
     long: Once<Long>,
     scan: Once<Scan>,
+    pub tiles: Stages,
 }
 
 /// Bind group layouts, by what is bound.
@@ -87,14 +89,16 @@ impl Layouts {
         let (resolve, compute) = (ShaderStages::COMPUTE | ShaderStages::FRAGMENT, ShaderStages::COMPUTE);
         let samples = variant.layout.samples > 1;
         let (color, depth) = if samples { (Colors, Depths) } else { (Color, Depth) };
+        let opaque = if variant.tiles { Read } else { color };
+        let either = fragment | compute; // rasterised by hardware or by tiles
         let of = |label: &str, stages, slots: &[Slot]| layout(gpu, label, stages, slots);
         Self {
             geometry: of("geometry", raster, &[Uniform, Uniform, Read, Read, Read, Read]),
             link: of("link", fragment, &[Uniform, ReadWrite, ReadWrite, ReadWrite, ReadWrite]),
-            count: of("count", fragment, &[Uniform, ReadWrite]),
-            scatter: of("scatter", fragment, &[Uniform, ReadWrite, ReadWrite]),
+            count: of("count", either, &[Uniform, ReadWrite]),
+            scatter: of("scatter", either, &[Uniform, ReadWrite, ReadWrite]),
             depth: variant.compares_depth().then(|| of("opaque depth", fragment, &[depth])),
-            read: of("read", resolve, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite, Color, color]),
+            read: of("read", resolve, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite, Color, opaque]),
             classify: of("classify", compute, &[ReadWrite, ReadWrite, ReadWrite, ReadWrite]),
             class: of("class", resolve, &[ReadWrite, Read, ReadWrite]),
             average: of("average", compute, &[Read]),
@@ -125,6 +129,7 @@ impl Pipelines {
             background: OnceLock::new(),
             long: OnceLock::new(),
             scan: OnceLock::new(),
+            tiles: Stages::new(gpu),
             variant,
         }
     }
@@ -329,7 +334,7 @@ fn nothing() -> Option<wgpu::ColorTargetState> {
 }
 
 /// A failure is not kept: memory may be there the next time.
-fn once<'p, T>(gpu: &Gpu, slot: &'p Once<T>, make: impl FnOnce() -> Result<T>) -> Result<&'p T> {
+pub fn once<'p, T>(gpu: &Gpu, slot: &'p Once<T>, make: impl FnOnce() -> Result<T>) -> Result<&'p T> {
     if let Some(made) = slot.get() {
         return Ok(made);
     }
@@ -338,7 +343,7 @@ fn once<'p, T>(gpu: &Gpu, slot: &'p Once<T>, make: impl FnOnce() -> Result<T>) -
 }
 
 /// Compiles a module; what is wrong with it is told in the lines of its own files.
-fn compile(gpu: &Gpu, name: &str, composed: &Composed) -> Result<wgpu::ShaderModule> {
+pub fn compile(gpu: &Gpu, name: &str, composed: &Composed) -> Result<wgpu::ShaderModule> {
     let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
     let descriptor = wgpu::ShaderModuleDescriptor {
         label: Some(name),
@@ -374,7 +379,7 @@ fn pipeline_layout(gpu: &Gpu, groups: &[&wgpu::BindGroupLayout]) -> wgpu::Pipeli
     })
 }
 
-fn compute(
+pub fn compute(
     gpu: &Gpu,
     module: &wgpu::ShaderModule,
     entry: &str,

@@ -6,7 +6,7 @@ use super::pool::Rect;
 use super::resolve::{Outcome, TILE, class_name};
 use super::variant::Variant;
 use crate::error::{Error, Result};
-use crate::frame::{LimitPolicy, Lists, Request, Stats, Storage};
+use crate::frame::{LimitPolicy, Lists, Rasteriser, Request, Stats, Storage};
 use crate::node_format::{NodeFormat, NodeLayout};
 use crate::resolve::Resolve;
 use crate::scene::Scene;
@@ -21,13 +21,14 @@ const UNROLLED_ON_CPU: u32 = 16;
 pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
     let name = &gpu.adapter.name;
     let limit = gpu.limits.max_texture_dimension_2d;
-    if request.width.max(request.height) > limit {
+    let tiles = request.lists_on_gpu.rasteriser == Rasteriser::Tiles;
+    if request.width.max(request.height) > limit && !tiles {
         return Err(Error::Unsupported(format!(
             "{name} renders up to {limit} pixels a side, got {}×{}; device=\"cpu\" renders up to 16384",
             request.width, request.height
         )));
     }
-    if !gpu.adapter.samples.contains(&request.samples) {
+    if !gpu.adapter.samples.contains(&request.samples) && !tiles {
         return Err(Error::Unsupported(format!(
             "{name} has no {} samples a pixel: it has {:?}; device=\"cpu\" has 1, 2, 4, 8 and 16",
             request.samples, gpu.adapter.samples
@@ -60,6 +61,9 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
         )));
     }
     Ok(Variant {
+        tiles,
+        // Measured: Mesa's software drivers round every quotient to the nearest, NVIDIA's GPUs 70 % of them.
+        divides_exactly: gpu.adapter.is_software(),
         storage: options.storage,
         layout,
         hides,

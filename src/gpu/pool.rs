@@ -154,7 +154,7 @@ pub struct Budget {
     pub nodes: u64,
     /// Entries of scratch for long lists.
     pub scratch: u64,
-    memory: u64,
+    pub memory: u64,
     node_bytes: u64,
     /// Nodes that the device can bind at once, and links tell apart.
     bindable: u64,

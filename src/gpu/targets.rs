@@ -30,7 +30,8 @@ pub struct Targets {
 
 impl Targets {
     pub fn new(gpu: &Gpu, variant: &Variant, size: (u32, u32), background: &Background<f32>) -> Result<Self> {
-        let samples = variant.layout.samples;
+        // Tiles have buffers, whatever the samples.
+        let samples = if variant.tiles { 1 } else { variant.layout.samples };
         let one = (1, 1);
         let mut bytes = 0;
         let mut view = |label, format: wgpu::TextureFormat, (w, h): (u32, u32), samples: u32| {
@@ -47,10 +48,11 @@ impl Targets {
         if let Background::Image(pixels) = background {
             write_texture(gpu, &user, pixels);
         }
-        let opaque = view("opaque colour", COLOR_FORMAT, if variant.hides { size } else { one }, samples);
+        let drawn = variant.hides && !variant.tiles;
+        let opaque = view("opaque colour", COLOR_FORMAT, if drawn { size } else { one }, samples);
         let depth = variant.opaque_format().map(|format| view("depth", format, size, samples));
-        let coverage =
-            variant.build_format().is_none().then(|| view("coverage", COVERAGE_FORMAT, size, samples));
+        let measured = variant.build_format().is_none() && !variant.tiles;
+        let coverage = measured.then(|| view("coverage", COVERAGE_FORMAT, size, samples));
         let test = match variant.build_format() {
             same if same == variant.opaque_format() => depth.clone(),
             apart => apart.map(|format| view("stencil", format, size, samples)),

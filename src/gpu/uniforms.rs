@@ -19,6 +19,11 @@ pub struct View {
     pub code_scale: f32,
     pub code_step: f32,
     pub background_texture: u32,
+    /// 0, which shaders cannot know when they are compiled.
+    pub zero: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 #[repr(C)]
@@ -84,6 +89,62 @@ pub struct Round {
     pub pad2: u32,
 }
 
+/// The view as triangle setup needs it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Eye {
+    pub rows: [[f32; 4]; 4],
+    pub center_high: [f32; 4],
+    pub center_low: [f32; 4],
+    pub to_pixels: [f32; 2],
+    pub near: f32,
+    pub far: f32,
+    pub triangles: u32,
+    pub piece_capacity: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct MeshInfo {
+    pub first_triangle: u32,
+    pub first_vertex: u32,
+    pub first_color: u32,
+    pub rate: u32,
+    pub cull: u32,
+    pub flags: u32,
+    pub alpha_cutoff: f32,
+    pub is_double: u32,
+}
+
+/// How an image is cut into tiles and bins of them.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Grid {
+    pub tiles_x: u32,
+    pub tiles_y: u32,
+    pub bins_x: u32,
+    pub bins_y: u32,
+    pub bin_shift: u32,
+    pub triangles: u32,
+    pub chunks: u32,
+    pub blocks: u32,
+    pub bin_capacity: u32,
+    pub tile_capacity: u32,
+    pub trips: u32,
+    pub pad0: u32,
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct Window {
+    pub first: u32,
+    pub count: u32,
+    pub tiles_x: u32,
+    pub pad: u32,
+}
+
 #[cfg(test)]
 mod tests {
     use std::mem::{offset_of, size_of};
@@ -131,7 +192,11 @@ mod tests {
                 code_origin,
                 code_scale,
                 code_step,
-                background_texture
+                background_texture,
+                zero,
+                pad0,
+                pad1,
+                pad2
             }
         );
         same!(&long, Band { x0, y0, width, height, capacity, trip_budget, pad });

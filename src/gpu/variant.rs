@@ -14,6 +14,8 @@ use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Variant {
+    /// Compute shaders rasterise.
+    pub tiles: bool,
     pub storage: Storage,
     pub layout: NodeLayout,
     /// Opaque geometry hides what is behind it.
@@ -31,6 +33,8 @@ pub struct Variant {
     /// Device features: forced early depth tests, and subgroup operations.
     pub early: bool,
     pub subgroups: bool,
+    /// Division is the nearest float as it is.
+    pub divides_exactly: bool,
     /// Classes up to here are sorted by networks in registers, unless a sort is asked for.
     pub longest_unrolled: u32,
 }
@@ -51,7 +55,7 @@ impl Variant {
 
     /// The opaque depth is read by the build's shader, not tested by hardware.
     pub fn compares_depth(&self) -> bool {
-        self.hides && (self.layout.samples > 1 || !self.early)
+        self.hides && !self.tiles && (self.layout.samples > 1 || !self.early)
     }
 
     /// Nodes are handed out a subgroup at a time. Not behind a forced depth test: invocations that it kills take part
@@ -68,7 +72,7 @@ impl Variant {
 
     /// Of the target that opaque geometry writes its depth to, with a stencil if translucent geometry counts there.
     pub fn opaque_format(&self) -> Option<wgpu::TextureFormat> {
-        self.hides.then_some(if self.counts_in_stencil() && !self.compares_depth() {
+        (self.hides && !self.tiles).then_some(if self.counts_in_stencil() && !self.compares_depth() {
             wgpu::TextureFormat::Depth32FloatStencil8
         } else {
             DEPTH_FORMAT
@@ -87,7 +91,7 @@ impl Variant {
     }
 
     /// `temp`: entries of the temporary array. `class`: which class's, where it is one.
-    fn prelude(&self, temp: u32, class: usize) -> String {
+    pub fn prelude(&self, temp: u32, class: usize) -> String {
         let layout = &self.layout;
         let samples = layout.samples;
         let mut text = String::new();
@@ -103,6 +107,9 @@ impl Variant {
             .map(|&(x, y)| format!("vec2f({:?}, {:?})", x as f32 / 16.0, y as f32 / 16.0))
             .collect();
         constant("PATTERN", format!("array<vec2f, {samples}>({})", positions.join(", ")));
+        let offsets: Vec<_> = pattern(samples).iter().map(|(x, y)| format!("vec2i({x}, {y})")).collect();
+        constant("SAMPLE_OFFSETS", format!("array<vec2i, {samples}>({})", offsets.join(", ")));
+        constant("DIVIDES_EXACTLY", self.divides_exactly.to_string());
         constant("MIXED", layout.mixed.to_string());
         constant("HAS_ORDER", layout.has_order.to_string());
         constant("HAS_COVERAGE", layout.has_coverage.to_string());
@@ -143,7 +150,7 @@ impl Variant {
         text
     }
 
-    fn nodes(&self) -> [&'static str; 2] {
+    pub fn nodes(&self) -> [&'static str; 2] {
         use crate::node_format::NodeFormat::*;
         let format = match self.layout.format {
             Float32 => "nodes/float32",
@@ -215,7 +222,11 @@ impl Variant {
             Storage::Linked => "lists/linked",
             Storage::Contiguous => "lists/contiguous",
         });
-        files.push(if self.layout.samples > 1 { "resolve/opaque_samples" } else { "resolve/opaque" });
+        files.push(match (self.tiles, self.layout.samples) {
+            (true, _) => "resolve/opaque_buffer",
+            (false, 1) => "resolve/opaque",
+            (false, _) => "resolve/opaque_samples",
+        });
         if self.back_to_front() {
             files.extend(["blend/affine", "blend/back_to_front"]);
         } else if self.layout.mixed {
@@ -300,10 +311,13 @@ pub mod tests {
     use naga::valid::{Capabilities, ValidationFlags, Validator};
 
     use super::*;
+    use crate::gpu::tiles;
     use crate::node_format::NodeFormat;
 
     pub fn plain() -> Variant {
         Variant {
+            tiles: false,
+            divides_exactly: false,
             storage: Storage::Linked,
             layout: NodeLayout::new(NodeFormat::Float32, 1, false, false),
             hides: false,
@@ -368,6 +382,7 @@ pub mod tests {
         let blends = Arc::new(["return dst + src.rgb * depth;".to_string(), "dst * src.rgb".to_string()]);
         let checked = |(i, b): (usize, &String)| crate::shader::user_blend(i, "blend", b).unwrap();
         let blends = blends.iter().enumerate().map(checked).collect();
+        all.push(Variant { tiles: true, hides: true, divides_exactly: true, ..plain() });
         all.push(Variant { blends, layout: NodeLayout::new(NodeFormat::Float32, 1, true, false), ..plain() });
         all
     }
@@ -389,8 +404,8 @@ pub mod tests {
                 v.long(),
                 v.scan(),
             ];
-            for (i, module) in modules.into_iter().enumerate() {
-                validate(&format!("module {i} of {v:?}"), &module.unwrap());
+            for (i, module) in modules.into_iter().map(Result::unwrap).chain(tiles::modules(&v)).enumerate() {
+                validate(&format!("module {i} of {v:?}"), &module);
             }
         }
     }
@@ -411,7 +426,8 @@ pub mod tests {
                 v.scan(),
                 v.gather(),
             ];
-            used.extend(built.into_iter().chain(read).flat_map(|m| m.unwrap().files()));
+            let listed = built.into_iter().chain(read).map(Result::unwrap);
+            used.extend(listed.chain(tiles::modules(&v)).flat_map(|m| m.files()));
         }
         for (name, _) in crate::shader::SOURCES {
             assert!(used.contains(&format!("{name}.wgsl")), "{name} is in no module");

@@ -7,7 +7,9 @@ use pyo3::prelude::*;
 use super::errors;
 use crate::camera::Camera;
 use crate::fragments::Background;
-use crate::frame::{BlendOrder, LimitPolicy, ListOptions, Lists, MsaaResolve, Request, Sort, Storage};
+use crate::frame::{
+    BlendOrder, LimitPolicy, ListOptions, Lists, MsaaResolve, Rasteriser, Request, Sort, Storage,
+};
 use crate::node_format::NodeFormat;
 use crate::real::Real;
 use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate};
@@ -133,8 +135,12 @@ pub struct RequestParts {
 impl RequestParts {
     pub fn request(&self) -> Request {
         let lists_on_gpu = ListOptions {
+            rasteriser: match self.pipeline.as_str() {
+                "tiles" => Rasteriser::Tiles,
+                _ => Rasteriser::Hardware,
+            },
             storage: match self.pipeline.as_str() {
-                "prefix_sum" => Storage::Contiguous,
+                "prefix_sum" | "tiles" => Storage::Contiguous,
                 _ => Storage::Linked,
             },
             format: NodeFormat::named(&self.node_format).unwrap_or(NodeFormat::Float32),

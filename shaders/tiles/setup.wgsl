@@ -1,0 +1,350 @@
+// Triangle setup: transform, canonical order, cull, snap, and the planes that give depth and barycentric coordinates at
+// any pixel. The arithmetic is that of src/cpu/setup.rs and src/cpu/plane.rs, operation by operation, so that snapped
+// corners and keys have the same bits.
+
+struct Eye {
+    // Rows of the matrix from positions relative to the centre to clip x, y, w and eye depth.
+    rows: array<vec4f, 4>,
+    // What positions are kept relative to, as a sum of two floats.
+    center_high: vec4f,
+    center_low: vec4f,
+    // 2 / width and −2 / height.
+    to_pixels: vec2f,
+    near: f32,
+    // The largest float where there is no far plane.
+    far: f32,
+    triangles: u32,
+    // Pieces of clipped triangles that there is room for.
+    piece_capacity: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
+struct MeshInfo {
+    first_triangle: u32,
+    first_vertex: u32,
+    first_color: u32,
+    // 0 one, 1 a vertex, 2 a face, 3 a corner.
+    rate: u32,
+    // 0 none, 1 back, 2 front.
+    cull: u32,
+    flags: u32,
+    alpha_cutoff: f32,
+    // Positions have a low part.
+    is_double: u32,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> eye: Eye;
+@group(0) @binding(2) var<storage, read> positions: array<f32>;
+// What rounding positions to floats left, where they were doubles.
+@group(0) @binding(3) var<storage, read> position_rests: array<f32>;
+@group(0) @binding(4) var<storage, read> faces: array<u32>;
+@group(0) @binding(5) var<storage, read> mesh_ids: array<u32>;
+@group(0) @binding(6) var<storage, read> meshes: array<MeshInfo>;
+@group(0) @binding(7) var<storage, read_write> rasters: array<Raster>;
+@group(0) @binding(8) var<storage, read_write> key_planes: array<KeyPlane>;
+// Slopes of the second and third corner's barycentric coordinates over w, per pixel right and down.
+@group(0) @binding(9) var<storage, read_write> slopes: array<vec4f>;
+// Corners of pieces of clipped triangles.
+@group(0) @binding(10) var<storage, read_write> pieces: array<array<i32, 6>>;
+@group(0) @binding(11) var<storage, read_write> clip_list: array<u32>;
+@group(0) @binding(12) var<storage, read_write> counters: Counters;
+
+struct Corner {
+    x: f32,
+    y: f32,
+    // Eye depth under a perspective, 1 otherwise.
+    w: f32,
+    depth: f32,
+}
+
+struct Triangle {
+    corners: array<Corner, 3>,
+    // The given corner that is first, second and third, two bits each.
+    order: u32,
+    // Canonical order reversed the winding.
+    is_flipped: bool,
+}
+
+// position − centre, with one rounding (Knuth's two-sum keeps what the first difference loses).
+fn relative(high: f32, rest: f32, center: f32, center_rest: f32) -> f32 {
+    let sum = opaque_bits(high - center);
+    let shadow = opaque_bits(sum - high);
+    let lost = (high - opaque_bits(sum - shadow)) + (-center - shadow);
+    return sum + (lost + (rest - center_rest));
+}
+
+fn corner_of(vertex: u32, mesh: MeshInfo) -> Corner {
+    var p: vec3f;
+    for (var i = 0u; i < 3u; i++) {
+        var rest = 0.0;
+        if mesh.is_double == 1u {
+            rest = position_rests[3u * vertex + i];
+        }
+        p[i] = relative(positions[3u * vertex + i], rest, eye.center_high[i], eye.center_low[i]);
+    }
+    let w = transformed(2u, p);
+    var depth = w;
+    if view.perspective == 0u {
+        depth = transformed(3u, p);
+    }
+    return Corner(transformed(0u, p), transformed(1u, p), w, depth);
+}
+
+fn transformed(row: u32, p: vec3f) -> f32 {
+    let r = eye.rows[row];
+    return product(r.x, p.x) + product(r.y, p.y) + product(r.z, p.z) + r.w;
+}
+
+// By the bits of x, y, w, depth. (Corners that agree in all of them enclose no area, so that colours need not decide.)
+fn comes_later(a: Corner, b: Corner) -> bool {
+    if a.x != b.x { return a.x > b.x; }
+    if a.y != b.y { return a.y > b.y; }
+    if a.w != b.w { return a.w > b.w; }
+    return a.depth > b.depth;
+}
+
+fn triangle_of(index: u32, mesh: MeshInfo) -> Triangle {
+    var t: Triangle;
+    for (var i = 0u; i < 3u; i++) {
+        t.corners[i] = corner_of(faces[3u * index + i], mesh);
+    }
+    var order = array<u32, 3>(0u, 1u, 2u);
+    for (var step = 0u; step < 3u; step++) {
+        let i = step & 1u; // 0 and 1, 1 and 2, 0 and 1
+        if comes_later(t.corners[i], t.corners[i + 1u]) {
+            let corner = t.corners[i];
+            t.corners[i] = t.corners[i + 1u];
+            t.corners[i + 1u] = corner;
+            let o = order[i];
+            order[i] = order[i + 1u];
+            order[i + 1u] = o;
+            t.is_flipped = !t.is_flipped;
+        }
+    }
+    t.order = order[0] | (order[1] << 2u) | (order[2] << 4u);
+    return t;
+}
+
+// The whole triangle is beyond one side of the viewport, or of the depth range.
+fn is_outside(t: Triangle) -> bool {
+    let a = t.corners[0];
+    let b = t.corners[1];
+    let c = t.corners[2];
+    return (a.x > a.w && b.x > b.w && c.x > c.w)
+        || (a.x < -a.w && b.x < -b.w && c.x < -c.w)
+        || (a.y > a.w && b.y > b.w && c.y > c.w)
+        || (a.y < -a.w && b.y < -b.w && c.y < -c.w)
+        || (a.depth < eye.near && b.depth < eye.near && c.depth < eye.near)
+        || (a.depth > eye.far && b.depth > eye.far && c.depth > eye.far);
+}
+
+// Signed distance to one of near, far, left, right, bottom and top; kept where it is not negative.
+fn distance_to(side: u32, c: Corner) -> f32 {
+    let guard = product(3.0, c.w);
+    switch side {
+        case 0u: { return c.depth - eye.near; }
+        case 1u: { return eye.far - c.depth; }
+        case 2u: { return guard + c.x; }
+        case 3u: { return guard - c.x; }
+        case 4u: { return guard + c.y; }
+        default: { return guard - c.y; }
+    }
+}
+
+fn needs_no_clipping(c: Corner) -> bool {
+    let guard = product(3.0, c.w);
+    return c.depth - eye.near >= 0.0 && eye.far - c.depth >= 0.0
+        && guard + c.x >= 0.0 && guard - c.x >= 0.0 && guard + c.y >= 0.0 && guard - c.y >= 0.0;
+}
+
+fn on_screen(c: Corner) -> vec2f {
+    return vec2f(
+        product(quotient(c.x, c.w) * 0.5 + 0.5, f32(view.width)),
+        product(0.5 - quotient(c.y, c.w) * 0.5, f32(view.height)),
+    );
+}
+
+fn snapped(at: vec2f) -> vec2i {
+    return vec2i(floor(at * 256.0 + 0.5));
+}
+
+struct Piece {
+    corners: array<i32, 6>,
+    is_visible: bool,
+}
+
+// A piece with its corners in positive order, unless it is culled, has no area, or can cover nothing.
+fn visible_piece(a: vec2i, b: vec2i, c: vec2i, is_flipped: bool, cull: u32) -> Piece {
+    let ab = b - a;
+    let ac = c - a;
+    let area = wide_cross(ab.x, ac.y, ac.x, ab.y);
+    let is_negative = wide_is_negative(area);
+    // y points down here: counter-clockwise for the eye is a negative area.
+    let is_front = is_negative != is_flipped;
+    var p: Piece;
+    p.corners = array<i32, 6>(a.x, a.y, b.x, b.y, c.x, c.y);
+    if is_negative {
+        p.corners = array<i32, 6>(a.x, a.y, c.x, c.y, b.x, b.y);
+    }
+    let low = min(a, min(b, c));
+    let high = max(a, max(b, c));
+    let is_culled = (cull == 1u && !is_front) || (cull == 2u && is_front);
+    p.is_visible = (area.x | area.y) != 0u && !is_culled && !is_empty(box_of(low, high));
+    return p;
+}
+
+// The power of two that brings a positive value into [1, 2).
+fn inverse_binade(value: f32) -> f32 {
+    let exponent = (bitcast<u32>(value) & 0x7fffffffu) >> 23u;
+    return bitcast<f32>((254u - min(exponent, 253u)) << 23u);
+}
+
+fn crossed(a: vec3f, b: vec3f) -> vec3f {
+    return vec3f(
+        product(a.y, b.z) - product(a.z, b.y),
+        product(a.z, b.x) - product(a.x, b.z),
+        product(a.x, b.y) - product(a.y, b.x),
+    );
+}
+
+// An attribute c over w is m · (X, Y, 1) in NDC, where m solves (x, y, w)ᵢ · m = cᵢ at the three corners (Olano and
+// Greer 1997). `low` and `high` are the key's range over what is visible. Also returns which corner the planes are
+// anchored at, or 3 if a value is not finite.
+fn write_planes(index: u32, t: Triangle, low: f32, high: f32, mesh: MeshInfo) -> u32 {
+    let a = t.corners[0];
+    let b = t.corners[1];
+    let c = t.corners[2];
+    let largest = max(max(max(abs(a.x), abs(a.y)), max(abs(b.x), abs(b.y))),
+        max(max(abs(c.x), abs(c.y)), max(abs(a.w), max(abs(b.w), abs(c.w)))));
+    let scale = inverse_binade(largest);
+    let origin = vec3f(a.x, a.y, a.w) * scale; // exact, as are the next two
+    let ab = vec3f(b.x, b.y, b.w) * scale - origin;
+    let ac = vec3f(c.x, c.y, c.w) * scale - origin;
+    let normal = crossed(ab, ac);
+    let determinant = product(origin.x, normal.x) + product(origin.y, normal.y) + product(origin.z, normal.z);
+    // Seen edge-on: any corner's value is as good as another.
+    var inverse = 0.0;
+    if determinant != 0.0 {
+        inverse = quotient(scale, determinant);
+    }
+    let to_pixels = vec2f(product(eye.to_pixels.x, inverse), product(eye.to_pixels.y, inverse));
+    let constant = slope_of(normal, to_pixels);
+    let along_b = slope_of(crossed(ac, origin), to_pixels);
+    let along_c = slope_of(crossed(origin, ab), to_pixels);
+
+    // The corner in front of the eye that lands nearest the middle of the screen.
+    var anchor = 3u;
+    var least = 0.0;
+    var at = a;
+    for (var i = 0u; i < 3u; i++) {
+        let corner = t.corners[i];
+        if corner.w > 0.0 {
+            let off = quotient(max(abs(corner.x), abs(corner.y)), corner.w);
+            if anchor == 3u || off < least {
+                anchor = i;
+                least = off;
+                at = corner;
+            }
+        }
+    }
+    var g = constant;
+    var value = 0.0;
+    if view.perspective == 1u {
+        value = quotient(1.0, at.w);
+    } else {
+        value = at.depth;
+        let db = b.depth - a.depth;
+        let dc = c.depth - a.depth;
+        g.x = product(a.depth, constant.x) + product(db, along_b.x) + product(dc, along_c.x);
+        g.y = product(a.depth, constant.y) + product(db, along_b.y) + product(dc, along_c.y);
+    }
+    if !is_finite(value + g.x + g.y) || !is_finite(along_b.x + along_b.y + along_c.x + along_c.y) {
+        return 3u;
+    }
+    let place = on_screen(at);
+    key_planes[index] = KeyPlane(value, g.x, g.y, low, high, place.x, place.y, mesh.alpha_cutoff);
+    if (mesh.flags & GRADIENT) != 0u {
+        slopes[index] = vec4f(along_b, along_c);
+    }
+    return anchor;
+}
+
+fn slope_of(v: vec3f, to_pixels: vec2f) -> vec2f {
+    return vec2f(product(v.x, to_pixels.x), product(v.y, to_pixels.y));
+}
+
+fn key_value(c: Corner) -> f32 {
+    if view.perspective == 1u {
+        return quotient(1.0, c.w);
+    }
+    return c.depth;
+}
+
+fn flags_of(t: Triangle, mesh: MeshInfo, anchor: u32) -> u32 {
+    return mesh.flags | (t.order << ORDER_SHIFT) | (anchor << ANCHOR_SHIFT);
+}
+
+fn colors_of(index: u32, mesh: MeshInfo) -> u32 {
+    switch mesh.rate {
+        case 0u: { return mesh.first_color; }
+        case 1u: { return mesh.first_color - mesh.first_vertex; }
+        case 2u: { return mesh.first_color + (index - mesh.first_triangle); }
+        default: { return mesh.first_color + 3u * (index - mesh.first_triangle); }
+    }
+}
+
+fn reject(index: u32) {
+    rasters[index].flags = 0u;
+    atomicAdd(&counters.rejected, 1u);
+}
+
+@compute @workgroup_size(256)
+fn cs_setup(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u,
+        @builtin(local_invocation_index) local: u32) {
+    let index = (group.y * groups.x + group.x) * 256u + local;
+    if index >= eye.triangles {
+        return;
+    }
+    let mesh = meshes[mesh_ids[index]];
+    let t = triangle_of(index, mesh);
+    let a = t.corners[0];
+    let b = t.corners[1];
+    let c = t.corners[2];
+    if !is_finite(a.x + a.y + a.w + a.depth) || !is_finite(b.x + b.y + b.w + b.depth)
+            || !is_finite(c.x + c.y + c.w + c.depth) {
+        reject(index);
+        return;
+    }
+    if is_outside(t) {
+        rasters[index].flags = 0u;
+        return;
+    }
+    if !needs_no_clipping(a) || !needs_no_clipping(b) || !needs_no_clipping(c) {
+        rasters[index].flags = 0u;
+        clip_list[atomicAdd(&counters.to_clip, 1u)] = index;
+        return;
+    }
+    let pa = on_screen(a);
+    let pb = on_screen(b);
+    let pc = on_screen(c);
+    if !is_finite(pa.x + pa.y) || !is_finite(pb.x + pb.y) || !is_finite(pc.x + pc.y) {
+        reject(index);
+        return;
+    }
+    let piece = visible_piece(snapped(pa), snapped(pb), snapped(pc), t.is_flipped, mesh.cull);
+    if !piece.is_visible {
+        rasters[index].flags = 0u;
+        return;
+    }
+    let ka = key_value(a);
+    let kb = key_value(b);
+    let kc = key_value(c);
+    let anchor = write_planes(index, t, min(ka, min(kb, kc)), max(ka, max(kb, kc)), mesh);
+    if anchor == 3u {
+        reject(index);
+        return;
+    }
+    rasters[index] = Raster(piece.corners, VISIBLE | flags_of(t, mesh, anchor), colors_of(index, mesh));
+}

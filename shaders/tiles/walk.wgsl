@@ -1,0 +1,86 @@
+// A workgroup takes a tile, each invocation a pixel, and walks the tile's triangles from workgroup memory.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> window: Window;
+@group(0) @binding(2) var<storage, read> rasters: array<Raster>;
+@group(0) @binding(3) var<storage, read> key_planes: array<KeyPlane>;
+@group(0) @binding(4) var<storage, read> slopes: array<vec4f>;
+@group(0) @binding(5) var<storage, read> pieces: array<array<i32, 6>>;
+@group(0) @binding(6) var<storage, read> faces: array<u32>;
+@group(0) @binding(7) var<storage, read> colors: array<vec4f>;
+@group(0) @binding(8) var<storage, read> tiles: array<Span>;
+@group(0) @binding(9) var<storage, read> tile_entries: array<u32>;
+
+struct Span {
+    first: u32,
+    count: u32,
+}
+
+// The part of each tile's list that one dispatch walks: Mesa's llvmpipe ends loops after 65,535 turns, silently.
+struct Window {
+    first: u32,
+    count: u32,
+    tiles_x: u32,
+    pad: u32,
+}
+
+struct Item {
+    edges: Edges,
+    key: KeyPlane,
+    id: u32,
+    flags: u32,
+    colors: u32,
+    first_piece: i32,
+    piece_count: i32,
+}
+
+fn item_of(id: u32, x0: i32, y0: i32) -> Item {
+    let r = rasters[id];
+    var item: Item;
+    item.key = key_planes[id];
+    item.id = id;
+    item.flags = r.flags;
+    item.colors = r.colors;
+    if (r.flags & CLIPPED) == 0u {
+        item.edges = edges_of(r.corners, x0, y0);
+    } else {
+        item.first_piece = r.corners[4];
+        item.piece_count = r.corners[5];
+    }
+    return item;
+}
+
+// The value that the key is made from, at a position in pixels.
+fn value_at(k: KeyPlane, at: vec2f) -> f32 {
+    let d = at - vec2f(k.anchor_x, k.anchor_y);
+    return clamped(k.value + product(k.gx, d.x) + product(k.gy, d.y), k.low, k.high);
+}
+
+// Straight RGBA.
+fn color_at(id: u32, flags: u32, first: u32, k: KeyPlane, at: vec2f) -> vec4f {
+    if (flags & GRADIENT) == 0u {
+        return colors[first];
+    }
+    var corner = array<vec4f, 3>();
+    for (var i = 0u; i < 3u; i++) {
+        let given = (flags >> (ORDER_SHIFT + 2u * i)) & 3u;
+        if (flags & BY_CORNER) != 0u {
+            corner[i] = colors[first + given];
+        } else {
+            corner[i] = colors[first + faces[3u * id + given]];
+        }
+    }
+    // Barycentric coordinates over w are planes too: 1/w at their own corner, 0 at the others.
+    let anchor = (flags >> ANCHOR_SHIFT) & 3u;
+    let d = at - vec2f(k.anchor_x, k.anchor_y);
+    let slope = slopes[id];
+    let perspective = view.perspective == 1u;
+    let own = select(1.0, k.value, perspective);
+    let w = select(1.0, 1.0 / value_at(k, at), perspective);
+    let b = saturate((select(0.0, own, anchor == 1u) + dot(slope.xy, d)) * w);
+    let c = clamp((select(0.0, own, anchor == 2u) + dot(slope.zw, d)) * w, 0.0, 1.0 - b);
+    let mixed = corner[0] + b * (corner[1] - corner[0]) + c * (corner[2] - corner[0]);
+    let low = min(corner[0], min(corner[1], corner[2]));
+    let high = max(corner[0], max(corner[1], corner[2]));
+    return clamp(mixed, low, high);
+}

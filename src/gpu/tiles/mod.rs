@@ -1,0 +1,33 @@
+//! The `tiles` pipeline's rasteriser: triangles are set up and binned to 16×16 tiles by compute shaders, and a workgroup
+//! walks a tile's triangles with an invocation a pixel.
+
+mod bins;
+mod stages;
+mod walk;
+
+pub use stages::Stages;
+#[cfg(test)]
+pub use stages::modules;
+pub use walk::Walker;
+
+use super::device::Gpu;
+use super::pipelines::Pipelines;
+use super::variant::Variant;
+
+/// What every stage is encoded with.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    pub gpu: &'a Gpu,
+    pub pipelines: &'a Pipelines,
+    pub view: &'a wgpu::Buffer,
+}
+
+impl Context<'_> {
+    fn stages(&self) -> &Stages {
+        &self.pipelines.tiles
+    }
+
+    fn variant(&self) -> &Variant {
+        &self.pipelines.variant
+    }
+}

@@ -1,0 +1,163 @@
+//! Walks over the tiles of an image: what opaque geometry hides, and the fragments that stages keep in lists.
+
+use wgpu::BufferUsages;
+
+use super::Context;
+use super::bins::{Bins, Counted};
+use crate::error::{Error, Result};
+use crate::gpu::buffers::{bind, storage, with_contents};
+use crate::gpu::device::Gpu;
+use crate::gpu::pool::Rect;
+use crate::gpu::resolve::TILE;
+use crate::gpu::timing::Timing;
+use crate::gpu::uniforms::{Eye, Window};
+use crate::gpu::upload::Uploaded;
+use crate::gpu::variant::BuildStage;
+
+/// Triangles of a tile's list that one dispatch walks: a few milliseconds, or on a software driver, with what each takes
+/// inside (up to seven pieces, their edges, and samples), below the 65,535 loop iterations after which Mesa's llvmpipe
+/// ends every loop of an invocation.
+fn window_length(gpu: &Gpu, samples: u32) -> u32 {
+    if gpu.adapter.is_software() { 60_000 / (9 * samples + 21) } else { 1 << 14 }
+}
+
+/// A scene as one camera sees it, in tiles.
+pub struct Walker {
+    scene: Uploaded,
+    bins: Bins,
+    pub counted: Counted,
+    /// Of each sample the nearest opaque surface's key, and its colour.
+    opaque_keys: wgpu::Buffer,
+    pub opaque_colors: wgpu::Buffer,
+}
+
+impl Walker {
+    /// Sets up and bins until everything has room. `memory`: bytes that lists of triangles may take.
+    pub fn new(
+        of: Context,
+        scene: Uploaded,
+        eye: Eye,
+        (width, height): (u32, u32),
+        memory: u64,
+        mut add_time: impl FnMut(String, f64),
+    ) -> Result<Self> {
+        let Context { gpu, .. } = of;
+        let variant = of.variant();
+        let mut bins = Bins::new(gpu, scene.triangles, true, (width, height))?;
+        let hidden = if variant.hides {
+            u64::from(width) * u64::from(height) * u64::from(variant.layout.samples)
+        } else {
+            0
+        };
+        let (opaque_keys, opaque_colors) = gpu.checked("opaque surfaces", || {
+            Ok((storage(gpu, "opaque keys", 4 * hidden), storage(gpu, "opaque colours", 16 * hidden)))
+        })?;
+        // Pieces, then bins, then tiles: each may show the next demand.
+        for _ in 0..4 {
+            let timing = Timing::new(gpu);
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            gpu.checked("binning", || bins.encode(of, &scene, eye, &mut encoder, &timing))?;
+            let counters = bins.read(gpu, &mut encoder);
+            let times = timing.finish(&mut encoder);
+            let buffers: Vec<&wgpu::Buffer> = [&counters].into_iter().chain(times).collect();
+            let words = gpu.submit_and_read(encoder, &buffers)?;
+            if let Some(times) = words.get(1) {
+                timing.read(times).into_iter().for_each(|(stage, ms)| add_time(stage.into_owned(), ms));
+            }
+            if let Some(counted) = bins.counted(gpu, &words[0], memory)? {
+                return Ok(Self { scene, bins, counted, opaque_keys, opaque_colors });
+            }
+        }
+        Err(Error::Device(format!(
+            "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
+            gpu.adapter.name
+        )))
+    }
+
+    pub fn bytes(&self) -> Vec<(&'static str, u64)> {
+        let targets = self.opaque_keys.size() + self.opaque_colors.size();
+        [&self.bins.bytes()[..], &[("geometry", self.scene.bytes), ("targets", targets)]].concat()
+    }
+
+    /// A dispatch for each part of the tiles' lists, each a workgroup for each of `tiles`.
+    fn encode_windows(&self, of: Context, pass: &mut wgpu::ComputePass, tiles: (u32, u32)) {
+        let Context { gpu, view, .. } = of;
+        let count = window_length(gpu, of.variant().layout.samples);
+        for first in (0..self.counted.longest.max(1)).step_by(count as usize) {
+            let window = Window { first, count, tiles_x: self.bins.grid.tiles_x, pad: 0 };
+            let window = with_contents(gpu, "window", BufferUsages::UNIFORM, &[window]);
+            let group = bind(
+                gpu,
+                "tile walk",
+                &of.stages().walk_layout,
+                &[
+                    view.into(),
+                    (&window).into(),
+                    (&self.bins.rasters).into(),
+                    (&self.bins.key_planes).into(),
+                    (&self.bins.slopes).into(),
+                    (&self.bins.pieces).into(),
+                    (&self.scene.faces).into(),
+                    (&self.scene.colors).into(),
+                    (&self.bins.tiles).into(),
+                    (&self.bins.tile_entries).into(),
+                ],
+            );
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(tiles.0, tiles.1, 1);
+        }
+    }
+
+    pub fn encode_opaque(
+        &self,
+        of: Context,
+        encoder: &mut wgpu::CommandEncoder,
+        timing: &Timing,
+    ) -> Result<()> {
+        let (gpu, stages) = (of.gpu, of.stages());
+        let pipeline = stages.opaque(gpu, of.variant())?;
+        let group = bind(
+            gpu,
+            "opaque",
+            &stages.opaque_layout,
+            &[(&self.opaque_keys).into(), (&self.opaque_colors).into()],
+        );
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("opaque"),
+            timestamp_writes: timing.compute("opaque"),
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(1, &group, &[]);
+        let grid = &self.bins.grid;
+        self.encode_windows(of, &mut pass, (grid.tiles_x, grid.tiles_y));
+        Ok(())
+    }
+
+    /// Counts the fragments of a rectangle, or scatters them into its lists. `lists`: the layout and what is bound of
+    /// that stage.
+    pub fn encode_keep(
+        &self,
+        of: Context,
+        stage: BuildStage,
+        lists: (&wgpu::BindGroupLayout, &wgpu::BindGroup),
+        rect: Rect,
+        encoder: &mut wgpu::CommandEncoder,
+        timing: &Timing,
+    ) -> Result<()> {
+        let (gpu, stages, variant) = (of.gpu, of.stages(), of.variant());
+        let pipeline = stages.keep(gpu, variant, stage, lists.0)?;
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("lists"),
+            timestamp_writes: timing.compute(if stage == BuildStage::Count { "count" } else { "scatter" }),
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(1, lists.1, &[]);
+        if variant.hides {
+            let group = bind(gpu, "hidden", &stages.hidden_layout, &[(&self.opaque_keys).into()]);
+            pass.set_bind_group(2, &group, &[]);
+        }
+        let tiles = |start: u32, length: u32| (start + length).div_ceil(TILE) - start / TILE;
+        self.encode_windows(of, &mut pass, (tiles(rect.x0, rect.w), tiles(rect.y0, rect.h)));
+        Ok(())
+    }
+}

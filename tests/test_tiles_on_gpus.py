@@ -1,0 +1,157 @@
+"""Tiles on a GPU and on the CPU hold the same fragments, bit for bit: masks, counts, keys, order, primitives."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import abuffer as ab
+from comparison import CPU32, GPU, GPU_TILES
+
+pytestmark = pytest.mark.usefixtures("needs_gpu")
+PERSPECTIVE = ab.Camera.look_at((0.1, 0.2, 3), (0, 0, 0), fov_y=60.0)
+BETWEEN_PLANES = ab.Camera.look_at((0, 0, 3), (0, 0, 0), near=2.5, far=4.0)
+INSIDE = ab.Camera.look_at((0.1, 0.2, 0), (0, 0, -1), fov_y=70.0)
+PARALLEL = ab.Camera.orthographic((0, 0, 3), (0, 0, 0), height=3.0)
+CAMERAS = {"perspective": PERSPECTIVE, "planes": BETWEEN_PLANES, "inside": INSIDE, "parallel": PARALLEL}
+SIZE = {"width": 130, "height": 97}
+
+
+def assert_same_lists(cpu, gpu):
+    a, b = cpu.fragments, gpu.fragments
+    np.testing.assert_array_equal(a.counts, b.counts)
+    for name in ("key", "depth", "primitive", "coverage", "blend"):
+        mine, yours = getattr(a, name), getattr(b, name)
+        assert (mine is None) == (yours is None), name
+        if mine is not None:
+            np.testing.assert_array_equal(mine, yours, name)
+    assert cpu.stats.rejected_triangles == gpu.stats.rejected_triangles
+
+
+def both(scene, camera, **options):
+    options = {**SIZE, "fragments": True} | options
+    return (pipeline.render(scene, camera, **options) for pipeline in (CPU32, GPU_TILES))
+
+
+def cloud(n, seed, size=1.0, spread=1.0):
+    rng = np.random.default_rng(seed)
+    return rng.normal(0, spread, (n, 1, 3)) + rng.normal(0, size, (n, 3, 3))
+
+
+def colors(shape, seed=7):
+    return np.random.default_rng(seed).uniform(0, 1, (*shape, 4))
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4, 8, 16])
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_lists_have_the_cpus_bits(camera, samples):
+    for seed, size in ((1, 1.0), (2, 0.05)):
+        mesh = ab.Mesh(cloud(80, seed, size), colors=colors((80, 3)))
+        cpu, gpu = both(mesh, CAMERAS[camera], samples=samples)
+        assert cpu.stats.fragments > 100
+        assert_same_lists(cpu, gpu)
+
+
+@pytest.mark.parametrize("fragments", [True, "all"])
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("mode", ["over", "screen"])
+def test_opaque_and_cut_out_surfaces_hide_what_they_hide_on_the_cpu(mode, samples, fragments):
+    p = cloud(80, 5)
+    scene = ab.Scene(
+        [
+            ab.Mesh(p[:30], colors=colors((30,)), opaque=True),
+            ab.Mesh(p[30:], colors=colors((50, 3)), blend=mode),
+            ab.Mesh(p[:20] + 0.01, colors=colors((20, 3)), alpha_cutoff=0.5, opaque=True, cull="back"),
+        ]
+    )
+    cpu, gpu = both(scene, BETWEEN_PLANES, samples=samples, fragments=fragments)
+    assert_same_lists(cpu, gpu)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e12])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_scenes_of_any_size_and_far_away_have_the_cpus_bits(scale, dtype):
+    center = np.array([3e5, -7e5, 2e5]) * scale
+    p = (cloud(200, 11) * scale + center).astype(dtype)
+    camera = ab.Camera.look_at(center + (0, 0, 5 * scale), center)
+    assert_same_lists(*both(ab.Mesh(p, colors=colors((200,))), camera))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (17, 16), (2100, 40), (40, 2100)], ids=str)
+def test_any_size_of_image_has_the_cpus_bits(size):
+    width, height = size
+    mesh = ab.Mesh(cloud(300, 13, 0.4), colors=colors((300,)))
+    assert_same_lists(*both(mesh, PERSPECTIVE, width=width, height=height))
+
+
+def test_more_triangles_than_a_chunk_and_a_bin_start_with_keep_their_order():
+    flat = np.tile(np.float32([[-1, -1, 0], [1, -1, 0], [0, 1, 0]]), (3000, 1, 1))
+    cpu, gpu = both(ab.Mesh(flat, colors=(1, 1, 1, 0.01)), PERSPECTIVE, width=40, height=30)
+    assert cpu.counts.max() == 3000
+    assert_same_lists(cpu, gpu)
+
+
+def test_a_list_longer_than_a_software_drivers_loops_is_whole():
+    flat = np.tile(np.float32([[-9, -9, 0], [9, -9, 0], [0, 9, 0]]), (70_000, 1, 1))
+    frame = GPU_TILES.render(ab.Mesh(flat, colors=(1, 1, 1, 1e-5)), PERSPECTIVE, width=3, height=2, fragments="count")
+    assert (frame.counts == 70_000).all()
+
+
+def test_a_scene_of_nothing_is_the_background():
+    for mesh in (ab.Mesh(np.zeros((0, 3, 3))), ab.Mesh(cloud(9, 1, 1e-30)), ab.Mesh(cloud(9, 1) + (0, 0, 99))):
+        cpu, gpu = both(mesh, PERSPECTIVE, background=(0.2, 0.4, 0.6, 0.5))
+        np.testing.assert_array_equal(cpu.image, gpu.image)
+
+
+def test_repeats_have_the_same_bits():
+    mesh = ab.Mesh(cloud(2000, 17, 0.2), colors=colors((2000, 3)))
+    first = GPU_TILES.render(mesh, PERSPECTIVE, **SIZE, fragments=True)
+    for _ in range(50):
+        again = GPU_TILES.render(mesh, PERSPECTIVE, **SIZE, fragments=True)
+        np.testing.assert_array_equal(again.image, first.image)
+        np.testing.assert_array_equal(again.fragments.key, first.fragments.key)
+        np.testing.assert_array_equal(again.fragments.primitive, first.fragments.primitive)
+
+
+def test_hardware_does_not_have_these_bits():
+    """The comparison can fail: window coordinates are snapped otherwise, or keys rounded otherwise."""
+    mesh = ab.Mesh(cloud(500, 19), colors=colors((500, 3)))
+    cpu = CPU32.render(mesh, PERSPECTIVE, **SIZE, fragments=True)
+    with pytest.raises(AssertionError):
+        assert_same_lists(cpu, GPU.render(mesh, PERSPECTIVE, **SIZE, fragments=True))
+
+
+# ---- random scenes ----
+
+# Halves of a pixel on a 64-pixel image: corners on centres, shared edges, duplicates, slivers, and some far outside.
+ON_GRID = st.integers(-10, 138).map(lambda i: (i / 2 - 32) / 32)
+NEAR = st.tuples(ON_GRID, ON_GRID, st.sampled_from([-0.5, 0.0, 0.25]))
+FAR = st.tuples(*[st.floats(-40, 40, width=32)] * 3)
+CORNERS = st.lists(st.one_of(NEAR, NEAR, NEAR, FAR), min_size=3, max_size=12)
+
+
+@st.composite
+def soups(draw):
+    corners = np.float64(draw(CORNERS))
+    index = st.integers(0, len(corners) - 1)
+    faces = draw(st.lists(st.tuples(index, index, index), min_size=1, max_size=24))
+    return corners, faces
+
+
+def assert_soup_is_the_same(soup, camera, samples):
+    corners, faces = soup
+    mesh = ab.Mesh(corners, faces, colors=colors((len(corners),)), color_mode="vertex")
+    assert_same_lists(*both(mesh, camera, width=64, height=64, samples=samples))
+
+
+@given(soups(), st.sampled_from([ab.Camera.orthographic((0, 0, 3), (0, 0, 0), height=2.0), PERSPECTIVE]))
+@settings(max_examples=100)
+def test_random_soups_have_the_cpus_bits(soup, camera):
+    assert_soup_is_the_same(soup, camera, 1)
+
+
+@pytest.mark.slow
+@given(soups(), st.sampled_from(list(CAMERAS.values())), st.sampled_from([1, 1, 4]))
+@settings(max_examples=2000)
+def test_two_thousand_random_soups_have_the_cpus_bits(soup, camera, samples):
+    assert_soup_is_the_same(soup, camera, samples)
