@@ -204,9 +204,15 @@ impl Request {
 
 /// `n` values, or an error where the system has no memory for them.
 pub fn allocate<V: Clone>(what: &str, n: usize, value: V) -> Result<Vec<V>> {
+    let mut v = reserve(what, n)?;
+    v.resize(n, value);
+    Ok(v)
+}
+
+/// Room for `n` values.
+pub fn reserve<V>(what: &str, n: usize) -> Result<Vec<V>> {
     let mut v = Vec::new();
     v.try_reserve_exact(n).map_err(|_| out_of_memory(what, (n * size_of::<V>()) as u64))?;
-    v.resize(n, value);
     Ok(v)
 }
 

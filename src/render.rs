@@ -6,12 +6,11 @@ use crate::error::Result;
 use crate::fragments::Background;
 use crate::frame::{Output, Request};
 use crate::gpu;
-use crate::real::Real;
 use crate::scene::Scene;
 use crate::threads::threads;
 
 /// Renders on the CPU.
-pub fn on_cpu<T: Real>(
+pub fn on_cpu<T: cpu::Precision>(
     scene: &Scene,
     camera: &Camera,
     request: &Request,

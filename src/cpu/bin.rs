@@ -5,16 +5,27 @@
 //! forgotten before the next.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
-use super::coverage::Edges;
+use super::coverage::TileWalk;
 use super::region::{Region, TILE};
 use super::setup::{Record, Setup, pixel_box};
 use crate::error::{Error, Result};
 
 /// Bytes of one entry of a tile's list.
 const ENTRY: u64 = size_of::<u32>() as u64;
+
+/// The tiles that a record may cover: those of a rectangle of `COVER_COLUMNS` × `COVER_ROWS` tiles from the first
+/// on whose bit is set, row by row. Without any bit, what lies in a larger one is found out again.
+#[derive(Debug, Clone, Copy)]
+struct Cover {
+    first: u32,
+    tiles: u32,
+}
+const COVER_COLUMNS: i32 = 8;
+const COVER_ROWS: i32 = 4;
 
 /// How many records each tile has, and the runs of tiles that are scattered together.
 #[derive(Debug)]
@@ -27,6 +38,8 @@ pub struct Binning<'a, T> {
     /// Records a chunk; `counts` has one row of tiles for each chunk.
     chunk: usize,
     counts: Vec<Vec<u32>>,
+    /// Of each chunk's records, in their order.
+    covers: Vec<Vec<Cover>>,
     pub runs: Vec<Range<usize>>,
     /// The lists of the only run, so that a second walk does not scatter again.
     kept: Option<Bins>,
@@ -57,19 +70,28 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
         // counters than they save.
         let wanted = 2 * rayon::current_num_threads();
         let chunk = setup.records.len().div_ceil(wanted).max(tiles).max(1024);
-        let mut binning =
-            Self { setup, width, height, tiles_x, tiles_y, chunk, counts: vec![], runs: vec![], kept: None };
-        binning.counts = setup
+        let mut binning = Self {
+            setup,
+            width,
+            height,
+            tiles_x,
+            tiles_y,
+            chunk,
+            counts: vec![],
+            covers: vec![],
+            runs: vec![],
+            kept: None,
+        };
+        (binning.counts, binning.covers) = setup
             .records
             .par_chunks(chunk)
             .map(|records| {
                 let mut counts = vec![0; tiles];
-                for record in records {
-                    binning.for_each_tile(record, &(0..tiles), |tile| counts[tile] += 1);
-                }
-                counts
+                let cover = |record| binning.cover(record, |tile| counts[tile] += 1);
+                let covers = records.iter().map(cover).collect();
+                (counts, covers)
             })
-            .collect();
+            .unzip();
         binning.runs = binning.plan_runs(budget)?;
         if let [run] = binning.runs.as_slice() {
             binning.kept = Some(binning.scatter(run.clone()));
@@ -89,10 +111,20 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
     pub fn bytes(&self) -> u64 {
         let lists = |run: &Range<usize>| run.clone().map(|tile| self.pairs(tile)).sum::<u64>() * ENTRY;
         let counts = (self.counts.len() * self.tile_count() * size_of::<u32>()) as u64;
-        counts + self.runs.iter().map(lists).max().unwrap_or(0)
+        let covers = (self.setup.records.len() * size_of::<Cover>()) as u64;
+        counts + covers + self.runs.iter().map(lists).max().unwrap_or(0)
     }
 
-    fn tile_count(&self) -> usize {
+    /// The tiles of a row of tiles that are in a run, and where in the row they are.
+    pub fn of_row(&self, ty: usize, run: &Range<usize>) -> (Range<usize>, Range<usize>) {
+        let n = self.tiles_x as usize;
+        let (first, end) = ((ty * n).max(run.start), ((ty + 1) * n).min(run.end));
+        let end = end.max(first);
+        let at = |tile: usize| tile.clamp(ty * n, (ty + 1) * n) - ty * n;
+        (first..end, at(first)..at(end))
+    }
+
+    pub fn tile_count(&self) -> usize {
         (self.tiles_x * self.tiles_y) as usize
     }
 
@@ -143,52 +175,63 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
             total += self.pairs(tile) as usize;
             offsets.push(total);
         }
-        let mut records = vec![0_u32; total];
-        // Each chunk owns one piece of each tile's list: hand the pieces out before the threads start.
-        let mut pieces: Vec<Vec<&mut [u32]>> = self.counts.iter().map(|_| Vec::with_capacity(n)).collect();
-        let mut rest = records.as_mut_slice();
-        for tile in run.clone() {
-            for (chunk, counts) in pieces.iter_mut().zip(&self.counts) {
-                let (piece, tail) = rest.split_at_mut(counts[tile] as usize);
-                chunk.push(piece);
-                rest = tail;
+        // Each chunk owns one piece of each tile's list, so that no two threads write to one place. That they are
+        // atomics is for the compiler: a relaxed store is a plain one.
+        let records: Vec<AtomicU32> = std::iter::repeat_with(AtomicU32::default).take(total).collect();
+        let mut next = offsets.clone();
+        let mut pieces = Vec::with_capacity(self.counts.len());
+        for counts in &self.counts {
+            pieces.push(next[..n].to_vec());
+            for (next, &count) in next.iter_mut().zip(&counts[run.clone()]) {
+                *next += count as usize;
             }
         }
-        pieces.par_iter_mut().enumerate().for_each(|(c, pieces)| {
-            let first = c * self.chunk;
-            let end = (first + self.chunk).min(self.setup.records.len());
-            let mut filled = vec![0_u32; n];
-            for (i, record) in self.setup.records[first..end].iter().enumerate() {
-                self.for_each_tile(record, &run, |tile| {
-                    let t = tile - run.start;
-                    pieces[t][filled[t] as usize] = (first + i) as u32;
-                    filled[t] += 1;
-                });
+        pieces.par_iter_mut().enumerate().for_each(|(c, next)| {
+            let mut visit = |tile: usize, record: usize| {
+                if run.contains(&tile) {
+                    let place = &mut next[tile - run.start];
+                    records[*place].store(record as u32, Ordering::Relaxed);
+                    *place += 1;
+                }
+            };
+            for (record, cover) in (c * self.chunk..).zip(&self.covers[c]) {
+                if cover.tiles == 0 {
+                    self.cover(&self.setup.records[record], |tile| visit(tile, record));
+                }
+                let mut rest = cover.tiles;
+                while rest != 0 {
+                    let bit = rest.trailing_zeros();
+                    let (tx, ty) = (bit % COVER_COLUMNS as u32, bit / COVER_COLUMNS as u32);
+                    visit((cover.first + ty * self.tiles_x + tx) as usize, record);
+                    rest &= rest - 1;
+                }
             }
         });
+        let records = records.into_iter().map(AtomicU32::into_inner).collect(); // in place
         Bins { run, offsets, records }
     }
 
-    /// Calls `visit` for each tile of `run` that the record may cover: all where each edge function is
-    /// inside at some pixel, which near a corner are a few too many.
-    fn for_each_tile(&self, record: &Record<T>, run: &Range<usize>, mut visit: impl FnMut(usize)) {
+    /// Calls `visit` for each tile that the record may cover, and returns which they are.
+    #[inline]
+    fn cover(&self, record: &Record<T>, mut visit: impl FnMut(usize)) -> Cover {
         let tile = TILE as i32;
         let multisampled = self.setup.multisampled;
         let [x0, y0, x1, y1] = pixel_box(record.x, record.y, (self.width, self.height), multisampled);
-        let misses = |tx: i32, ty: i32| {
-            let edges = Edges::new(record, tx * tile, ty * tile);
-            if multisampled { edges.misses_samples(tile, tile) } else { edges.misses(tile, tile) }
-        };
-        let (tx0, tx1) = (x0 / tile, x1 / tile);
-        for ty in y0 / tile..=y1 / tile {
-            let row = ty as usize * self.tiles_x as usize;
-            for tx in tx0..=tx1 {
-                let index = row + tx as usize;
-                let alone = tx0 == tx1 && y0 / tile == y1 / tile;
-                if run.contains(&index) && (alone || !misses(tx, ty)) {
-                    visit(index);
-                }
-            }
+        let [tx0, ty0, tx1, ty1] = [x0 / tile, y0 / tile, x1 / tile, y1 / tile];
+        let index = |tx: i32, ty: i32| ty as usize * self.tiles_x as usize + tx as usize;
+        let first = index(tx0, ty0) as u32;
+        if (tx0, ty0) == (tx1, ty1) {
+            visit(first as usize);
+            return Cover { first, tiles: 1 };
         }
+        let small = tx1 - tx0 < COVER_COLUMNS && ty1 - ty0 < COVER_ROWS;
+        let mut tiles = 0;
+        TileWalk::new(record, (tx0, ty0), multisampled).each(tx0..=tx1, ty0..=ty1, |tx, ty| {
+            if small {
+                tiles |= 1 << ((ty - ty0) * COVER_COLUMNS + tx - tx0);
+            }
+            visit(index(tx, ty));
+        });
+        Cover { first, tiles }
     }
 }

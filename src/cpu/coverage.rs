@@ -1,8 +1,9 @@
 //! Which pixel centres a snapped triangle covers: integer edge functions and the top-left rule, so that
 //! two triangles that share an edge never both cover a centre, and never both miss it (Pineda 1988).
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
+use super::region::TILE;
 use super::setup::Record;
 use crate::samples::Offset;
 
@@ -10,26 +11,20 @@ use crate::samples::Offset;
 /// most 16×16: pixel (i, j) is inside where `q + a·i + b·j ≥ 0` for all three.
 #[derive(Debug, Clone, Copy)]
 pub struct Edges {
-    a: [i32; 3],
-    b: [i32; 3],
-    q: [i32; 3],
+    pub a: [i32; 3],
+    pub b: [i32; 3],
+    pub q: [i32; 3],
     /// What flooring q left, in 1/16 pixel: samples lie on that grid.
     r: [i32; 3],
 }
 
 impl Edges {
     /// `x0`, `y0`: the region's first pixel.
+    #[inline(always)]
     pub fn new<T>(record: &Record<T>, x0: i32, y0: i32) -> Self {
-        // The centre of pixel i lies at 256 i + 128.
-        let (cx, cy) = (256 * x0 + 128, 256 * y0 + 128);
         let mut edges = Self { a: [0; 3], b: [0; 3], q: [0; 3], r: [0; 3] };
         for i in 0..3 {
-            let j = (i + 1) % 3;
-            let (dx, dy) = (record.x[j] - record.x[i], record.y[j] - record.y[i]);
-            let value =
-                i64::from(dx) * i64::from(cy - record.y[i]) - i64::from(dy) * i64::from(cx - record.x[i]);
-            let top_or_left = dy < 0 || (dy == 0 && dx > 0);
-            let value = value - i64::from(!top_or_left);
+            let (dx, dy, value) = edge(record, i, x0, y0);
             // Whole pixels move an edge function by multiples of 256, so flooring by it changes no sign.
             // The clamp cannot either: |a|, |b| < 2^24.6, so 15 steps of each add less than 2^30.
             edges.q[i] = (value >> 8).clamp(-(1 << 30), 1 << 30) as i32;
@@ -45,20 +40,6 @@ impl Edges {
     pub fn at(&self, (kx, ky): Offset) -> Self {
         let q = |e: usize| self.q[e] + ((self.r[e] + self.a[e] * kx + self.b[e] * ky) >> 4);
         Self { q: [q(0), q(1), q(2)], ..*self }
-    }
-
-    /// No sample of a `w` × `h` region can be inside, wherever in its pixel it lies.
-    pub fn misses_samples(&self, w: i32, h: i32) -> bool {
-        let most = |e: usize| {
-            let within = (15 + 8 * self.a[e].abs() + 8 * self.b[e].abs()) >> 4;
-            self.q[e] + within + (self.a[e] * (w - 1)).max(0) + (self.b[e] * (h - 1)).max(0)
-        };
-        (0..3).any(|e| most(e) < 0)
-    }
-
-    /// No pixel of a `w` × `h` region can be inside.
-    pub fn misses(&self, w: i32, h: i32) -> bool {
-        (0..3).any(|e| self.q[e] + (self.a[e] * (w - 1)).max(0) + (self.b[e] * (h - 1)).max(0) < 0)
     }
 
     /// Calls `row(j, columns)` for each of `rows` that has covered pixels among `columns`: one span, since
@@ -90,6 +71,66 @@ impl Edges {
     /// All pixels of a `w` × `h` region are inside.
     pub fn contains(&self, w: i32, h: i32) -> bool {
         (0..3).all(|e| self.q[e] + (self.a[e] * (w - 1)).min(0) + (self.b[e] * (h - 1)).min(0) >= 0)
+    }
+}
+
+/// Edge i of a triangle: its extent, and its function at the centre of pixel (x0, y0), in 64 bits.
+#[inline(always)]
+fn edge<T>(record: &Record<T>, i: usize, x0: i32, y0: i32) -> (i32, i32, i64) {
+    // The centre of pixel i lies at 256 i + 128.
+    let (cx, cy) = (256 * x0 + 128, 256 * y0 + 128);
+    let j = (i + 1) % 3;
+    let (dx, dy) = (record.x[j] - record.x[i], record.y[j] - record.y[i]);
+    let value = i64::from(dx) * i64::from(cy - record.y[i]) - i64::from(dy) * i64::from(cx - record.x[i]);
+    let top_or_left = dy < 0 || (dy == 0 && dx > 0);
+    (dx, dy, value - i64::from(!top_or_left))
+}
+
+/// A walk over whole tiles: for each edge the most that its function comes to in a tile.
+pub struct TileWalk {
+    first: [i64; 3],
+    /// What a tile to the right adds, and one below.
+    right: [i64; 3],
+    below: [i64; 3],
+}
+
+impl TileWalk {
+    /// From tile (tx, ty) on. With samples the most is over the whole of each pixel.
+    #[inline(always)]
+    pub fn new<T>(record: &Record<T>, (tx, ty): (i32, i32), multisampled: bool) -> Self {
+        let tile = TILE as i32;
+        let mut walk = Self { first: [0; 3], right: [0; 3], below: [0; 3] };
+        for i in 0..3 {
+            let (dx, dy, value) = edge(record, i, tx * tile, ty * tile);
+            let within = if multisampled { (15 + 8 * dx.abs() + 8 * dy.abs()) >> 4 } else { 0 };
+            let most = within + (-dy * (tile - 1)).max(0) + (dx * (tile - 1)).max(0);
+            walk.first[i] = value + 256 * i64::from(most);
+            walk.right[i] = -256 * i64::from(tile) * i64::from(dy);
+            walk.below[i] = 256 * i64::from(tile) * i64::from(dx);
+        }
+        walk
+    }
+
+    /// Calls `visit(tx, ty)` for each tile of a rectangle, which begins where the walk does, in which each edge
+    /// function is inside somewhere: all that may hold a covered pixel, and near a corner a few too many.
+    #[inline]
+    pub fn each(
+        &self,
+        columns: RangeInclusive<i32>,
+        rows: RangeInclusive<i32>,
+        mut visit: impl FnMut(i32, i32),
+    ) {
+        let mut row = self.first;
+        for ty in rows {
+            let mut most = row;
+            for tx in columns.clone() {
+                if most[0] | most[1] | most[2] >= 0 {
+                    visit(tx, ty);
+                }
+                most = std::array::from_fn(|i| most[i] + self.right[i]);
+            }
+            row = std::array::from_fn(|i| row[i] + self.below[i]);
+        }
     }
 }
 
@@ -195,6 +236,17 @@ mod tests {
         })
     }
 
+    /// A walk over tiles visits the one at this pixel, a corner of a tile or not.
+    fn visits(r: &Record<f32>, (x0, y0): (i32, i32), multisampled: bool) -> bool {
+        let shift = |v: [i32; 3], by: i32| v.map(|v| v - 256 * by);
+        let moved = Record { x: shift(r.x, x0), y: shift(r.y, y0), ..*r };
+        let mut found = false;
+        // From a tile before, so that steps are walked too.
+        TileWalk::new(&moved, (-1, -1), multisampled)
+            .each(-1..=0, -1..=0, |tx, ty| found |= (tx, ty) == (0, 0));
+        found
+    }
+
     #[test]
     fn spans_equal_the_definition_for_coordinates_of_any_size() {
         let mut random = Lcg(7);
@@ -230,7 +282,7 @@ mod tests {
                     all &= wanted;
                 }
             }
-            assert!(!any || !edges.misses(16, 16));
+            assert!(!any || visits(&r, (x0, y0), false));
             assert!(area == 0 || edges.contains(16, 16) == all);
         }
         assert!(covered > 100_000, "the fuzz must hit triangles: {covered}");
@@ -269,7 +321,7 @@ mod tests {
                     any |= wanted;
                 }
             }
-            assert!(!any || !edges.misses_samples(16, 16));
+            assert!(!any || visits(&r, (x0, y0), true));
         }
         assert!(covered > 20_000, "the fuzz must hit triangles: {covered}");
     }

@@ -3,6 +3,8 @@
 mod bin;
 mod coverage;
 mod entry;
+mod lanes;
+mod layers;
 mod plane;
 mod region;
 mod samples;
@@ -11,7 +13,9 @@ mod sort;
 mod target;
 mod tile;
 
-use std::sync::{Mutex, PoisonError};
+use std::mem::MaybeUninit;
+use std::ops::{Deref, DerefMut, Range};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -19,36 +23,94 @@ use rayon::prelude::*;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::{Background, Extras, Fragments};
-use crate::frame::{Lists, Output, Request, Stats, allocate, out_of_memory};
+use crate::frame::{Lists, Output, Request, Stats, allocate, out_of_memory, reserve};
 use crate::real::Real;
 use crate::resolve::Resolve;
 use crate::samples::pattern;
 use crate::scene::Scene;
 use bin::Binning;
 use entry::{Covered, Listed, Single};
-use region::TILE;
-use target::{ImageTarget, ListTarget, Rules};
+use lanes::Instructions;
+use layers::{Layers, Quick};
+use region::{Region, TILE};
+use setup::{Faces, Part};
+use target::{Found, ImageParts, ImageTarget, ListTarget, Rules};
 use tile::{DeepPixel, Scratch, Walk};
 
 /// What bins and scratch may take together unless `memory=` says otherwise.
 const DEFAULT_MEMORY: u64 = 1 << 30;
 
+/// `f32` or `f64`, and the quick ways that there are in it.
+pub trait Precision: Real {
+    /// Adds what is visible of some faces.
+    fn add_faces(_: Instructions, part: &mut Part<Self>, of: &Faces<Self>, faces: Range<usize>) {
+        part.add_each(of, faces);
+    }
+    /// `None` where there is none for this render.
+    fn quick<'a>(_: &'a Walk<'a, Self>, _: &Rules, _: Background<'a, Self>) -> Option<Quick<'a>> {
+        None
+    }
+    /// Resolves a tile the quick way. `false` if it must go the general one.
+    fn resolve<L: Listed<Self>>(
+        _: &Quick,
+        _records: &[u32],
+        _: Region,
+        _: &mut Layers,
+        _: &mut ImageTarget<Self, L>,
+    ) -> bool {
+        false
+    }
+}
+impl Precision for f64 {}
+impl Precision for f32 {
+    fn add_faces(instructions: Instructions, part: &mut Part<Self>, of: &Faces<Self>, faces: Range<usize>) {
+        setup::add_faces(instructions, part, of, faces);
+    }
+    fn quick<'a>(
+        walk: &'a Walk<'a, Self>,
+        rules: &Rules,
+        background: Background<'a, Self>,
+    ) -> Option<Quick<'a>> {
+        Quick::of(walk, rules, background)
+    }
+    fn resolve<L: Listed<Self>>(
+        quick: &Quick,
+        records: &[u32],
+        region: Region,
+        layers: &mut Layers,
+        target: &mut ImageTarget<Self, L>,
+    ) -> bool {
+        quick.resolve(records, region, layers, target)
+    }
+}
+
 /// Renders a scene. `T` is the precision of everything after the positions.
-pub fn render<T: Real>(
+pub fn render<T: Precision>(
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: Background<T>,
+) -> Result<Output<T>> {
+    render_with(Instructions::detected(), scene, camera, request, background)
+}
+
+fn render_with<T: Precision>(
+    instructions: Instructions,
     scene: &Scene,
     camera: &Camera,
     request: &Request,
     background: Background<T>,
 ) -> Result<Output<T>> {
     if request.samples == 1 {
-        render_listed::<T, Single<T::Entry>>(scene, camera, request, background)
+        render_listed::<T, Single<T::Entry>>(instructions, scene, camera, request, background)
     } else {
-        render_listed::<T, Covered<T::Entry>>(scene, camera, request, background)
+        render_listed::<T, Covered<T::Entry>>(instructions, scene, camera, request, background)
     }
 }
 
 /// `L`: what lists hold of a fragment.
-fn render_listed<T: Real, L: Listed<T>>(
+fn render_listed<T: Precision, L: Listed<T>>(
+    instructions: Instructions,
     scene: &Scene,
     camera: &Camera,
     request: &Request,
@@ -60,7 +122,7 @@ fn render_listed<T: Real, L: Listed<T>>(
     let mut stats = Stats { device: "cpu".into(), ..Stats::default() };
 
     let clock = Instant::now();
-    let setup = setup::set_up::<T>(scene, camera, (width, height), samples > 1);
+    let setup = setup::set_up::<T>(instructions, scene, camera, (width, height), samples > 1);
     stats.rejected_triangles = setup.rejected;
     stats.stage("setup", clock);
 
@@ -70,8 +132,10 @@ fn render_listed<T: Real, L: Listed<T>>(
 
     let walk = Walk {
         setup: &setup,
+        width,
         meshes: &scene.meshes,
         pattern: pattern(request.samples),
+        instructions,
         sort: request.sort,
         hides: scene.has_opaque() && request.lists != Lists::All,
         list_opaque: scene.has_opaque() && request.lists == Lists::All,
@@ -85,9 +149,12 @@ fn render_listed<T: Real, L: Listed<T>>(
     resolve.describe(scene, "known from the triangle", &mut stats);
     let rules = Rules { resolve, limit: request.limit };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
-    // Poisoned: a pixel that no tile writes would show.
     let each = request.image_samples();
-    let mut image = allocate("the image", pixels * each, [T::NAN; 4])?;
+    let mut image = reserve("the image", pixels * each)?;
+    let unwritten = &mut image.spare_capacity_mut()[..pixels * each];
+    if cfg!(debug_assertions) {
+        unwritten.fill(MaybeUninit::new([T::NAN; 4])); // a pixel that no tile writes would show
+    }
     let mut counts = (request.lists != Lists::None).then(|| allocate("counts", pixels, -1)).transpose()?;
     let mut behind = (wants_lists && walk.hides)
         .then(|| allocate("background", pixels * samples, [T::NAN; 4]))
@@ -95,35 +162,54 @@ fn render_listed<T: Real, L: Listed<T>>(
     let scratches = Scratches::<T, L>::default();
 
     let clock = Instant::now();
-    let mut targets = ImageTarget::<T, L>::cut(
-        (&mut image, each),
-        counts.as_deref_mut(),
-        behind.as_deref_mut(),
+    let parts = ImageParts {
+        image: unwritten,
+        counts: counts.as_deref_mut(),
+        behind: behind.as_deref_mut(),
         width,
+        each,
         samples,
-    );
+    };
+    let mut bands = parts.bands();
+    let quick = T::quick(&walk, &rules, background);
     let flat = |x: i32, y: i32| y as usize * width as usize + x as usize;
     binning.each_run(|bins| {
-        targets[bins.run.clone()].par_iter_mut().zip(bins.run.clone()).try_for_each(|(target, tile)| {
-            scratches.with(|scratch| {
-                walk.visit(bins.tile(tile), binning.region(tile), scratch, &mut |pixel| {
-                    target.resolve(&walk, &rules, &pixel, background.at(flat(pixel.x, pixel.y)));
-                })
-            })
+        bands.par_iter_mut().enumerate().try_for_each(|(ty, band)| {
+            let (tiles, of_run) = binning.of_row(ty, &bins.run);
+            let mut targets = band.tiles::<L>();
+            targets[of_run].par_iter_mut().zip(tiles).try_for_each_init(
+                || scratches.borrow(),
+                |scratch, (target, tile)| {
+                    let (records, region) = (bins.tile(tile), binning.region(tile));
+                    if let Some(quick) = &quick
+                        && T::resolve(quick, records, region, &mut scratch.layers, target)
+                    {
+                        return Ok(());
+                    }
+                    walk.visit(records, region, scratch, &mut |pixel| {
+                        target.resolve(&walk, &rules, &pixel, background.at(flat(pixel.x, pixel.y)));
+                    })
+                },
+            )?;
+            let found = targets.iter().map(ImageTarget::found).fold(Found::default(), Found::and);
+            band.found = band.found.and(found);
+            Ok(())
         })
     })?;
-    stats.fragments = targets.iter().map(|t| t.fragments).sum();
-    stats.dropped_fragments = targets.iter().map(|t| t.dropped).sum();
-    stats.max_depth_complexity = targets.iter().map(|t| t.deepest).max();
+    let found = bands.iter().map(|band| band.found).fold(Found::default(), Found::and);
+    drop(bands);
+    // SAFETY: there is room for as many, and every tile has written all of its pixels.
+    unsafe { image.set_len(pixels * each) };
+    stats.fragments = found.fragments;
+    stats.dropped_fragments = found.dropped;
+    stats.max_depth_complexity = Some(found.deepest);
     stats.choose(
         "rectangle",
         setup.describe_box(width, height),
         "where geometry lands; elsewhere is background",
     );
-    let filled = targets.iter().filter(|t| t.fragments > 0).count();
-    let tiles = format!("{filled} of {} hold translucent geometry", targets.len());
+    let tiles = format!("{} of {} hold translucent geometry", found.filled, binning.tile_count());
     stats.choose("tiles", tiles, format!("{TILE}×{TILE} pixels each"));
-    drop(targets);
     stats.stage("resolve", clock);
 
     let clock = Instant::now();
@@ -139,10 +225,9 @@ fn render_listed<T: Real, L: Listed<T>>(
             binning.each_run(|bins| {
                 targets[bins.run.clone()].par_iter_mut().zip(bins.run.clone()).try_for_each(
                     |(target, tile)| {
-                        scratches.with(|scratch| {
-                            walk.visit(bins.tile(tile), binning.region(tile), scratch, &mut |pixel| {
-                                target.write(&walk, &pixel, offsets[flat(pixel.x, pixel.y)]);
-                            })
+                        let scratch = &mut scratches.borrow();
+                        walk.visit(bins.tile(tile), binning.region(tile), scratch, &mut |pixel| {
+                            target.write(&walk, &pixel, offsets[flat(pixel.x, pixel.y)]);
                         })
                     },
                 )
@@ -160,7 +245,7 @@ fn render_listed<T: Real, L: Listed<T>>(
     Ok(Output { image, counts, background: behind, fragments, stats })
 }
 
-/// Buffers that threads borrow for one tile at a time.
+/// Buffers that threads borrow.
 struct Scratches<T: Real, L>(Mutex<Vec<Scratch<T, L>>>);
 
 impl<T: Real, L> Default for Scratches<T, L> {
@@ -170,16 +255,42 @@ impl<T: Real, L> Default for Scratches<T, L> {
 }
 
 impl<T: Real, L> Scratches<T, L> {
-    fn with<R>(&self, use_it: impl FnOnce(&mut Scratch<T, L>) -> R) -> R {
-        // A poisoned lock means that a thread panicked between two pushes: the buffers are still sound.
-        let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut scratch = free.unwrap_or_default();
-        let result = use_it(&mut scratch);
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
-        result
+    // A poisoned lock means that a thread panicked between two pushes: the buffers are still sound.
+    fn free(&self) -> MutexGuard<'_, Vec<Scratch<T, L>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn borrow(&self) -> Borrowed<'_, T, L> {
+        let scratch = self.free().pop().unwrap_or_default();
+        Borrowed { scratch, owner: self }
     }
 
     fn bytes(&self) -> u64 {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).iter().map(Scratch::bytes).sum()
+        self.free().iter().map(Scratch::bytes).sum()
+    }
+}
+
+/// One thread's buffers, which go back when it is done.
+struct Borrowed<'a, T: Real, L> {
+    scratch: Scratch<T, L>,
+    owner: &'a Scratches<T, L>,
+}
+
+impl<T: Real, L> Deref for Borrowed<'_, T, L> {
+    type Target = Scratch<T, L>;
+    fn deref(&self) -> &Self::Target {
+        &self.scratch
+    }
+}
+
+impl<T: Real, L> DerefMut for Borrowed<'_, T, L> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.scratch
+    }
+}
+
+impl<T: Real, L> Drop for Borrowed<'_, T, L> {
+    fn drop(&mut self) {
+        self.owner.free().push(std::mem::take(&mut self.scratch));
     }
 }

@@ -66,38 +66,60 @@ impl<T: Real> Frame<T> {
         let inverse = if determinant == T::ZERO { T::ZERO } else { scale / determinant };
         let two = T::from_f64(2.0);
         let to_pixels = [two / view[0] * inverse, -two / view[1] * inverse];
-        let slopes = |v: [T; 3]| [v[0] * to_pixels[0], v[1] * to_pixels[1]];
-        let (constant, along_b, along_c) =
-            (slopes(normal), slopes(cross(ac, origin)), slopes(cross(origin, ab)));
+        let across = |v: [T; 3]| [v[0] * to_pixels[0], v[1] * to_pixels[1]];
+        let slopes = Slopes {
+            constant: across(normal),
+            along_b: across(cross(ac, origin)),
+            along_c: across(cross(origin, ab)),
+        };
 
         // The corner in front of the eye that lands nearest the middle of the screen.
         let off = |v: &Vertex<T>| v.x.abs().larger(v.y.abs()) / v.w;
         let in_front = triangle.iter().filter(|v| v.w > T::ZERO);
         let at = in_front.reduce(|best, v| if off(v) < off(best) { v } else { best })?;
         let anchor = on_screen(at, view);
-        let plane = |of: &dyn Fn(&Vertex<T>) -> T, value: T, low: T, high: T| {
-            let (first, db, dc) = (of(a), of(b) - of(a), of(c) - of(a));
-            let slope = |i: usize| first * constant[i] + db * along_b[i] + dc * along_c[i];
-            let (gx, gy) = (slope(0), slope(1));
-            (value + gx + gy).is_finite().then_some(Plane { value, gx, gy, low, high })
-        };
         let of_key = |v: &Vertex<T>| if perspective { T::ONE / v.w } else { v.depth };
         let low = visible.iter().map(of_key).reduce(T::smaller)?;
         let high = visible.iter().map(of_key).reduce(T::larger)?;
-        let attribute = |v: &Vertex<T>| if perspective { T::ONE } else { v.depth };
-        let key = plane(&attribute, of_key(at), low, high)?;
-
-        let mut colors = None;
-        if a.color != b.color || a.color != c.color {
-            let mut planes = [key; 4];
-            for (i, channel) in planes.iter_mut().enumerate() {
-                let low = a.color[i].smaller(b.color[i]).smaller(c.color[i]);
-                let high = a.color[i].larger(b.color[i]).larger(c.color[i]);
-                *channel = plane(&|v| v.color[i], at.color[i] / at.w, low, high)?;
-            }
-            colors = Some(planes);
-        }
+        let attribute = triangle.map(|v| if perspective { T::ONE } else { v.depth });
+        let key = slopes.plane(attribute, of_key(at), low, high)?;
+        let colors = slopes.color_planes(triangle.map(|v| v.color), at.color, at.w)?;
         Some(Self { anchor, key, colors })
+    }
+}
+
+/// What gives the slopes of anything that is linear on the triangle, over w.
+pub struct Slopes<T> {
+    pub constant: [T; 2],
+    pub along_b: [T; 2],
+    pub along_c: [T; 2],
+}
+
+impl<T: Real> Slopes<T> {
+    /// The plane of an attribute that the corners have. `None` if a value is not finite.
+    #[inline(always)]
+    fn plane(&self, [a, b, c]: [T; 3], value: T, low: T, high: T) -> Option<Plane<T>> {
+        let (db, dc) = (b - a, c - a);
+        let slope = |i: usize| a * self.constant[i] + db * self.along_b[i] + dc * self.along_c[i];
+        let (gx, gy) = (slope(0), slope(1));
+        (value + gx + gy).is_finite().then_some(Plane { value, gx, gy, low, high })
+    }
+
+    /// The planes of the corners' colours, `at` and `w` the anchor's; `None` inside if they are one colour.
+    #[inline(always)]
+    #[allow(clippy::type_complexity)]
+    pub fn color_planes(&self, [a, b, c]: [[T; 4]; 3], at: [T; 4], w: T) -> Option<Option<[Plane<T>; 4]>> {
+        if a == b && a == c {
+            return Some(None);
+        }
+        let nothing = Plane { value: T::ZERO, gx: T::ZERO, gy: T::ZERO, low: T::ZERO, high: T::ZERO };
+        let mut planes = [nothing; 4];
+        for (i, channel) in planes.iter_mut().enumerate() {
+            let low = a[i].smaller(b[i]).smaller(c[i]);
+            let high = a[i].larger(b[i]).larger(c[i]);
+            *channel = self.plane([a[i], b[i], c[i]], at[i] / w, low, high)?;
+        }
+        Some(Some(planes))
     }
 }
 

@@ -1,6 +1,8 @@
 //! Where tiles write: parts of whole-image arrays, handed out before the threads start, so that no two
 //! threads share a pixel and none of it needs `unsafe`.
 
+use std::mem::MaybeUninit;
+
 use super::entry::Listed;
 use super::region::TILE;
 use super::tile::{Pixel, Walk, rank_of};
@@ -11,28 +13,30 @@ use crate::resolve::{Fragment, Resolve};
 
 /// A tile's part of a row-major array: at most `TILE` rows.
 pub struct TileRows<'a, V> {
-    rows: Vec<&'a mut [V]>,
+    rows: [&'a mut [V]; TILE as usize],
     /// Values a pixel.
     each: usize,
 }
 
 impl<'a, V> TileRows<'a, V> {
-    /// Cuts an array with `each` values a pixel into tiles, in tile order.
-    pub fn cut(array: &'a mut [V], width: u32, each: usize) -> Vec<Self> {
+    /// Cuts a band of the array, `TILE` rows or what is left of them, with `each` values a pixel into tiles.
+    fn cut(band: &'a mut [V], width: u32, each: usize) -> Vec<Self> {
         let tile = TILE as usize;
-        let row_values = width as usize * each;
-        let mut tiles = Vec::new();
-        for band in array.chunks_mut(row_values * tile) {
-            let first = tiles.len();
-            let empty = || Self { rows: Vec::with_capacity(tile), each };
-            tiles.extend((0..width.div_ceil(TILE)).map(|_| empty()));
-            for row in band.chunks_mut(row_values) {
-                for (slot, part) in tiles[first..].iter_mut().zip(row.chunks_mut(tile * each)) {
-                    slot.rows.push(part);
-                }
+        let empty = || Self { rows: std::array::from_fn(|_| &mut [][..]), each };
+        let mut tiles: Vec<Self> = (0..width.div_ceil(TILE)).map(|_| empty()).collect();
+        for (j, row) in band.chunks_mut(width as usize * each).enumerate() {
+            for (slot, part) in tiles.iter_mut().zip(row.chunks_mut(tile * each)) {
+                slot.rows[j] = part;
             }
         }
         tiles
+    }
+
+    /// `n` values of a row from pixel x on.
+    #[inline(always)]
+    fn row(&mut self, x: i32, y: i32, n: usize) -> &mut [V] {
+        let column = x as usize % TILE as usize;
+        &mut self.rows[y as usize % TILE as usize][column..column + n]
     }
 
     fn set(&mut self, x: i32, y: i32, sample: usize, value: V) {
@@ -68,40 +72,114 @@ impl Rules {
     }
 }
 
-/// What the resolving walk writes for a tile.
-pub struct ImageTarget<'a, T, L> {
-    image: TileRows<'a, [T; 4]>,
-    counts: Option<TileRows<'a, i32>>,
-    behind: Option<TileRows<'a, [T; 4]>>,
-    kept: Vec<L>,
+/// What the resolving walk writes of a whole image.
+pub struct ImageParts<'a, T> {
+    pub image: &'a mut [MaybeUninit<[T; 4]>],
+    pub counts: Option<&'a mut [i32]>,
+    /// One colour a sample.
+    pub behind: Option<&'a mut [[T; 4]]>,
+    pub width: u32,
+    /// Colours a pixel of the image.
+    pub each: usize,
+    pub samples: usize,
+}
+
+/// A row of tiles, and what was found there.
+pub struct Band<'a, T> {
+    parts: ImageParts<'a, T>,
+    pub found: Found,
+}
+
+/// What tiles hold.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Found {
     pub fragments: u64,
     pub dropped: u64,
     pub deepest: u32,
+    /// Tiles with fragments.
+    pub filled: usize,
 }
 
-impl<'a, T: Real, L: Listed<T>> ImageTarget<'a, T, L> {
-    /// `each`: colours a pixel of the image. `behind` has one a sample.
-    pub fn cut(
-        (image, each): (&'a mut [[T; 4]], usize),
-        counts: Option<&'a mut [i32]>,
-        behind: Option<&'a mut [[T; 4]]>,
-        width: u32,
-        samples: usize,
-    ) -> Vec<Self> {
-        let mut counts = counts.map(|c| TileRows::cut(c, width, 1).into_iter());
-        let mut behind = behind.map(|b| TileRows::cut(b, width, samples).into_iter());
-        TileRows::cut(image, width, each)
-            .into_iter()
-            .map(|image| Self {
+impl Found {
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            fragments: self.fragments + other.fragments,
+            dropped: self.dropped + other.dropped,
+            deepest: self.deepest.max(other.deepest),
+            filled: self.filled + other.filled,
+        }
+    }
+}
+
+impl<'a, T: Real> ImageParts<'a, T> {
+    /// Cuts the image into rows of tiles.
+    pub fn bands(self) -> Vec<Band<'a, T>> {
+        let Self { image, counts, behind, width, each, samples } = self;
+        let pixels = (width * TILE) as usize;
+        let mut counts = counts.map(|c| c.chunks_mut(pixels));
+        let mut behind = behind.map(|b| b.chunks_mut(pixels * samples));
+        let mut band = |image| Band {
+            parts: Self {
                 image,
                 counts: counts.as_mut().and_then(Iterator::next),
                 behind: behind.as_mut().and_then(Iterator::next),
-                kept: Vec::new(),
-                fragments: 0,
-                dropped: 0,
-                deepest: 0,
-            })
-            .collect()
+                width,
+                each,
+                samples,
+            },
+            found: Found::default(),
+        };
+        image.chunks_mut(pixels * each).map(&mut band).collect()
+    }
+}
+
+impl<T: Real> Band<'_, T> {
+    /// The tiles of the band, from left to right.
+    pub fn tiles<L: Listed<T>>(&mut self) -> Vec<ImageTarget<'_, T, L>> {
+        let ImageParts { image, counts, behind, width, each, samples } = &mut self.parts;
+        let mut counts = counts.as_mut().map(|c| TileRows::cut(c, *width, 1).into_iter());
+        let mut behind = behind.as_mut().map(|b| TileRows::cut(b, *width, *samples).into_iter());
+        let target = |image| ImageTarget {
+            image,
+            counts: counts.as_mut().and_then(Iterator::next),
+            behind: behind.as_mut().and_then(Iterator::next),
+            kept: Vec::new(),
+            found: Found::default(),
+        };
+        TileRows::cut(image, *width, *each).into_iter().map(target).collect()
+    }
+}
+
+/// What the resolving walk writes for a tile.
+pub struct ImageTarget<'a, T, L> {
+    image: TileRows<'a, MaybeUninit<[T; 4]>>,
+    counts: Option<TileRows<'a, i32>>,
+    behind: Option<TileRows<'a, [T; 4]>>,
+    kept: Vec<L>,
+    found: Found,
+}
+
+impl<T: Real, L: Listed<T>> ImageTarget<'_, T, L> {
+    pub fn found(&self) -> Found {
+        Found { filled: usize::from(self.found.fragments > 0), ..self.found }
+    }
+
+    /// Colours of `n` pixels of one sample, to be written, from (x, y) to the right.
+    #[inline(always)]
+    pub fn row(&mut self, x: i32, y: i32, n: usize) -> &mut [MaybeUninit<[T; 4]>] {
+        self.image.row(x, y, n)
+    }
+
+    /// Takes note of how many fragments the pixels of a row have: `each` for every fragment.
+    #[inline(always)]
+    pub fn count(&mut self, y: i32, row: &[u32], each: u32) {
+        self.found.fragments += row.iter().map(|&n| n / each).sum::<u32>() as u64;
+        self.found.deepest = self.found.deepest.max(row.iter().map(|&n| n / each).max().unwrap_or_default());
+        if let Some(counts) = &mut self.counts {
+            for (count, &n) in counts.row(0, y, row.len()).iter_mut().zip(row) {
+                *count = (n / each) as i32;
+            }
+        }
     }
 
     pub fn resolve(&mut self, walk: &Walk<T>, rules: &Rules, pixel: &Pixel<L>, background: [T; 4]) {
@@ -115,10 +193,10 @@ impl<'a, T: Real, L: Listed<T>> ImageTarget<'a, T, L> {
             coverage: listed[i].coverage(),
         };
         let image = &mut self.image;
-        resolve.pixel(listed.len(), fragment, behind, |s, rgba| image.set(x, y, s, rgba));
-        self.fragments += entries.len() as u64;
-        self.dropped += (entries.len() - listed.len()) as u64;
-        self.deepest = self.deepest.max(entries.len() as u32);
+        resolve.pixel(listed.len(), fragment, behind, |s, rgba| image.set(x, y, s, MaybeUninit::new(rgba)));
+        self.found.fragments += entries.len() as u64;
+        self.found.dropped += (entries.len() - listed.len()) as u64;
+        self.found.deepest = self.found.deepest.max(entries.len() as u32);
         if let Some(counts) = &mut self.counts {
             counts.set(x, y, 0, entries.len() as i32);
         }

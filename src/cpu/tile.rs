@@ -6,6 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::coverage::Edges;
 use super::entry::Listed;
+use super::lanes::Instructions;
+use super::layers::Layers;
 use super::region::{Region, TILE};
 use super::setup::{FLAT, Record, Setup, pixel_range};
 use super::sort::sort;
@@ -58,11 +60,21 @@ pub struct Scratch<T: Real, L> {
     starts: Vec<u32>,
     /// The nearest opaque fragment of each sample; empty where a region has none.
     pub opaque: Vec<L>,
+    /// What the quick way keeps.
+    pub layers: Layers,
 }
 
 impl<T: Real, L> Default for Scratch<T, L> {
     fn default() -> Self {
-        Self { runs: vec![], keys: vec![], coverage: vec![], sorted: vec![], starts: vec![], opaque: vec![] }
+        Self {
+            runs: vec![],
+            keys: vec![],
+            coverage: vec![],
+            sorted: vec![],
+            starts: vec![],
+            opaque: vec![],
+            layers: Layers::default(),
+        }
     }
 }
 
@@ -79,15 +91,19 @@ impl<T: Real, L> Scratch<T, L> {
             + self.keys.capacity() * size_of::<T::Key>()
             + (self.sorted.capacity() + self.opaque.capacity()) * size_of::<L>()
             + (self.starts.capacity() + self.coverage.capacity()) * size_of::<u32>()) as u64
+            + self.layers.bytes()
     }
 }
 
 /// What all tiles share.
 pub struct Walk<'a, T> {
     pub setup: &'a Setup<T>,
+    /// Of the image.
+    pub width: u32,
     pub meshes: &'a [Mesh<'a>],
     /// Where the samples of a pixel lie.
     pub pattern: &'static [Offset],
+    pub instructions: Instructions,
     pub sort: Sort,
     /// There are opaque surfaces, which hide what is behind them …
     pub hides: bool,

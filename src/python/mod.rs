@@ -12,13 +12,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::composite::{Lists as ListsOf, composite as composite_lists};
+use crate::cpu::Precision;
 use crate::error::Error;
 use crate::fragments::Background;
 use crate::frame::BlendOrder;
 use crate::gpu::device::{self, Adapter};
 use crate::methods::METHODS;
 use crate::png::encode;
-use crate::real::Real;
 use crate::render;
 use crate::resolve::Resolve;
 use crate::samples::{check_samples, pattern};
@@ -86,7 +86,7 @@ fn on_cpu<'py, T>(
     background: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>>
 where
-    T: Real + Element + bytemuck::Pod,
+    T: Precision + Element + bytemuck::Pod,
     T::Key: Element,
 {
     let camera = camera.camera()?;

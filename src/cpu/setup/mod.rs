@@ -3,14 +3,22 @@
 //!
 //! Coverage comes from vertices snapped to 1/256 pixel, so that it is integer and watertight.
 
-use glam::{DVec3, DVec4};
+mod eight;
+mod triangle;
+
+use glam::DVec4;
 use rayon::prelude::*;
 
-use super::plane::{Frame, Plane, on_screen};
+use super::Precision;
+use super::lanes::Instructions;
+use super::plane::Plane;
 use crate::camera::Camera;
-use crate::clip::{ClipVolume, GUARD_BAND, MAX_CORNERS, Vertex};
+use crate::clip::{ClipVolume, GUARD_BAND};
 use crate::real::Real;
-use crate::scene::{Cull, Scene};
+use crate::scene::Scene;
+pub use eight::add_faces;
+use triangle::View;
+pub use triangle::{Faces, Part};
 
 /// Snapped units per pixel.
 pub const SUBPIXELS: i32 = 256;
@@ -85,27 +93,15 @@ impl<T> Setup<T> {
     }
 }
 
-/// Everything about the view that a triangle needs, in the pipeline's precision.
-struct View<T> {
-    rows: [[T; 4]; 4],
-    volume: ClipVolume<T>,
-    center: DVec3,
-    width: T,
-    height: T,
-    viewport: (u32, u32),
-    multisampled: bool,
-}
-
 const CHUNK: usize = 4096;
 
-/// Sets up all triangles, in submission order.
-pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, viewport: (u32, u32), multisampled: bool) -> Setup<T> {
+fn view_of<T: Real>(scene: &Scene, camera: &Camera, viewport: (u32, u32), multisampled: bool) -> View<T> {
     let (width, height) = viewport;
     let center = camera.center(camera.depth_extent(scene));
     let rows = camera.clip_rows(center);
     let (near, far) = camera.depth_range();
     let row = |r: DVec4| r.to_array().map(T::from_f64);
-    let view = View {
+    View {
         rows: [row(rows.x), row(rows.y), row(rows.w), row(rows.depth)],
         volume: ClipVolume {
             near: T::from_f64(near),
@@ -118,13 +114,24 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, viewport: (u32, u32), mul
         height: T::from_i32(height as i32),
         viewport,
         multisampled,
-    };
+    }
+}
+
+/// Sets up all triangles, in submission order.
+pub fn set_up<T: Precision>(
+    instructions: Instructions,
+    scene: &Scene,
+    camera: &Camera,
+    viewport: (u32, u32),
+    multisampled: bool,
+) -> Setup<T> {
+    let view = view_of(scene, camera, viewport, multisampled);
     let triangles = scene.triangle_count();
     let mut setup = Setup {
         records: Vec::with_capacity(triangles), // address space: pages are touched as records come
         gradients: Vec::new(),
         rejected: 0,
-        perspective: rows.perspective,
+        perspective: view.volume.perspective,
         has_pieces: false,
         multisampled,
     };
@@ -136,157 +143,45 @@ pub fn set_up<T: Real>(scene: &Scene, camera: &Camera, viewport: (u32, u32), mul
             .step_by(CHUNK)
             .collect::<Vec<_>>()
             .into_par_iter()
-            .map(|first| Part::of(scene, &view, first, (first + CHUNK).min(end)))
+            .map(|first| Part::of(instructions, scene, &view, first, (first + CHUNK).min(end)))
             .collect();
-        for part in parts {
-            let shift = setup.gradients.len() as u32;
-            setup.records.extend(part.records.iter().map(|r| {
-                let gradient = if r.gradient == FLAT { FLAT } else { r.gradient + shift };
-                Record { gradient, ..*r }
-            }));
-            setup.gradients.extend_from_slice(&part.gradients);
+        let mut shifts = Vec::with_capacity(parts.len());
+        let mut gradients = setup.gradients.len();
+        for part in &parts {
+            shifts.push(gradients as u32);
+            gradients += part.gradients.len();
             setup.rejected += part.rejected;
             setup.has_pieces |= part.has_pieces;
         }
+        let records: Vec<&[Record<T>]> = parts.iter().map(|part| part.records.as_slice()).collect();
+        append(&mut setup.records, &records, |part, r| {
+            let gradient = if r.gradient == FLAT { FLAT } else { r.gradient + shifts[part] };
+            Record { gradient, ..r }
+        });
+        let gradients: Vec<&[[Plane<T>; 4]]> = parts.iter().map(|part| part.gradients.as_slice()).collect();
+        append(&mut setup.gradients, &gradients, |_, planes| planes);
     }
     setup
 }
 
-/// The records of a chunk of triangles.
-struct Part<T> {
-    records: Vec<Record<T>>,
-    gradients: Vec<[Plane<T>; 4]>,
-    rejected: u64,
-    has_pieces: bool,
-}
-
-impl<T: Real> Part<T> {
-    fn of(scene: &Scene, view: &View<T>, first: usize, end: usize) -> Self {
-        let mut part = Self { records: Vec::new(), gradients: Vec::new(), rejected: 0, has_pieces: false };
-        let (mut mesh, mut face) = scene.locate(first);
-        for primitive in first..end {
-            while face == scene.meshes[mesh].face_count() {
-                (mesh, face) = (mesh + 1, 0);
-            }
-            if part.add(scene, view, mesh, face, primitive as u32).is_none() {
-                part.rejected += 1;
-            }
-            face += 1;
-        }
-        part
+/// Appends parts, each value as `moved(part, value)` makes it, all threads at a time.
+fn append<V: Copy + Send + Sync>(all: &mut Vec<V>, parts: &[&[V]], moved: impl Fn(usize, V) -> V + Sync) {
+    let total = parts.iter().map(|part| part.len()).sum();
+    all.reserve(total);
+    let mut rest = &mut all.spare_capacity_mut()[..total];
+    let mut pieces = Vec::with_capacity(parts.len());
+    for part in parts {
+        let (piece, tail) = rest.split_at_mut(part.len());
+        pieces.push(piece);
+        rest = tail;
     }
-
-    /// Adds what is visible of one triangle. `None` if its values overflow.
-    fn add(&mut self, scene: &Scene, view: &View<T>, mesh: usize, face: usize, primitive: u32) -> Option<()> {
-        let source = &scene.meshes[mesh];
-        let ids = source.vertex_ids(face);
-        let colors = source.corner_colors::<T>(face, ids);
-        let given: [Vertex<T>; 3] =
-            std::array::from_fn(|i| view.transform(source.positions.get(ids[i]), colors[i]));
-        if !given.iter().all(|v| (v.x + v.y + v.w + v.depth).is_finite()) {
-            return None;
+    pieces.into_par_iter().zip(parts).enumerate().for_each(|(i, (piece, part))| {
+        for (slot, &value) in piece.iter_mut().zip(*part) {
+            slot.write(moved(i, value));
         }
-        if view.volume.misses(&given) {
-            return Some(());
-        }
-        let (vertices, flipped) = canonical(given);
-        let clipped;
-        let corners = if view.volume.contains(&vertices) {
-            &vertices[..]
-        } else {
-            clipped = view.volume.clip(vertices);
-            clipped.corners()
-        };
-        if corners.len() < 3 {
-            return Some(());
-        }
-        let mut screen = [(0, 0); MAX_CORNERS];
-        for (corner, v) in screen.iter_mut().zip(corners) {
-            *corner = view.snapped(v)?;
-        }
-        let screen = &screen[..corners.len()];
-
-        let corners_of = |i: usize| [screen[0], screen[i], screen[i + 1]];
-        let mut pieces = (1..screen.len() - 1)
-            .filter_map(|i| view.visible_piece(corners_of(i), flipped, source.cull))
-            .peekable();
-        if pieces.peek().is_none() {
-            return Some(());
-        }
-        // The planes are the parent's: all its pieces share them.
-        let frame = Frame::of(&vertices, corners, view.volume.perspective, [view.width, view.height])?;
-        let gradient = frame.colors.map_or(FLAT, |planes| {
-            self.gradients.push(planes);
-            self.gradients.len() as u32 - 1
-        });
-        let first_piece = self.records.len();
-        self.records.extend(pieces.map(|(x, y)| Record {
-            x,
-            y,
-            anchor: frame.anchor,
-            key_plane: frame.key,
-            color: vertices[0].color,
-            gradient,
-            primitive,
-            mesh: mesh as u32,
-        }));
-        self.has_pieces |= self.records.len() > first_piece + 1;
-        Some(())
-    }
-}
-
-impl<T: Real> View<T> {
-    fn transform(&self, position: DVec3, color: [T; 4]) -> Vertex<T> {
-        let p: [T; 3] = std::array::from_fn(|i| T::relative(position[i], self.center[i]));
-        let dot = |r: &[T; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-        let [x, y, w, depth] = std::array::from_fn(|i| dot(&self.rows[i]));
-        Vertex { x, y, w, depth: if self.volume.perspective { w } else { depth }, color }
-    }
-
-    /// A vertex on the screen, in 1/256 pixel.
-    fn snapped(&self, v: &Vertex<T>) -> Option<(i32, i32)> {
-        let [x, y] = on_screen(v, [self.width, self.height]);
-        let snap = |v: T| (v * T::from_i32(SUBPIXELS) + T::from_f64(0.5)).floor_to_i32();
-        (x + y).is_finite().then(|| (snap(x), snap(y)))
-    }
-
-    /// Snapped vertices in positive order, unless the piece is culled, has no area, or can cover nothing.
-    fn visible_piece(&self, c: [(i32, i32); 3], flipped: bool, cull: Cull) -> Option<([i32; 3], [i32; 3])> {
-        let mut x = c.map(|c| c.0);
-        let mut y = c.map(|c| c.1);
-        let side = |a: usize, b: usize| (i64::from(x[a] - x[0])) * i64::from(y[b] - y[0]);
-        let area = side(1, 2) - side(2, 1);
-        if area == 0 {
-            return None;
-        }
-        // y points down here: counter-clockwise for the eye is a negative area.
-        let front = (area < 0) != flipped;
-        if (cull == Cull::Back && !front) || (cull == Cull::Front && front) {
-            return None;
-        }
-        if area < 0 {
-            x.swap(1, 2);
-            y.swap(1, 2);
-        }
-        let [x0, y0, x1, y1] = pixel_box(x, y, self.viewport, self.multisampled);
-        (x0 <= x1 && y0 <= y1).then_some((x, y))
-    }
-}
-
-/// Puts the vertices in an order that depends on their values alone, so that coincident faces tie
-/// whatever their rotation or winding. Also tells whether that reversed the winding.
-fn canonical<T: Real>(v: [Vertex<T>; 3]) -> ([Vertex<T>; 3], bool) {
-    let rest =
-        |v: &Vertex<T>| (v.y.orderable(), v.w.orderable(), v.depth.orderable(), v.color.map(T::orderable));
-    // Nearly always x decides.
-    let compare = |&a: &usize, &b: &usize| {
-        let (a, b) = (&v[a], &v[b]);
-        a.x.orderable().cmp(&b.x.orderable()).then_with(|| rest(a).cmp(&rest(b)))
-    };
-    let mut order = [0, 1, 2];
-    order.sort_by(compare);
-    let flipped = matches!(order, [0, 2, 1] | [1, 0, 2] | [2, 1, 0]);
-    (order.map(|i| v[i]), flipped)
+    });
+    // SAFETY: there is room for them, and the pieces, all of which were written, are that many.
+    unsafe { all.set_len(all.len() + total) };
 }
 
 #[cfg(test)]
@@ -294,7 +189,7 @@ mod tests {
     use glam::DMat4;
 
     use super::*;
-    use crate::scene::{ColorValues, Colors, Mesh, Positions, Rate};
+    use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate};
 
     /// A view in which world x and y from −1 to 1 fill a `size` × `size` image, and depth is −z.
     fn set_up_orthographic(positions: &[[f32; 3]], faces: &[[u32; 3]], size: u32) -> Setup<f32> {
@@ -312,7 +207,7 @@ mod tests {
             cull: Cull::None,
             blend: 0,
         }]);
-        set_up(&scene.unwrap(), camera, (size, size), false)
+        set_up(Instructions::detected(), &scene.unwrap(), camera, (size, size), false)
     }
 
     fn perspective() -> Camera {

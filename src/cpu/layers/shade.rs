@@ -1,0 +1,298 @@
+//! Sorted lists become colours: four pixels at a time, front to back.
+
+use std::mem::MaybeUninit;
+
+use bytemuck::cast;
+
+use super::emit::inverse_w;
+use super::network::{LONGEST, QUAD, sort, sort_long};
+use super::{Layers, NOTHING, PIXELS, Quick};
+use crate::cpu::entry::Listed;
+use crate::cpu::lanes::Lanes;
+use crate::cpu::plane::Plane;
+use crate::cpu::region::{Region, TILE};
+use crate::cpu::setup::{FLAT, Record};
+use crate::cpu::target::ImageTarget;
+use crate::fragments::Background;
+use crate::methods::exact;
+
+/// The colour planes of a triangle, a channel each; without slopes if it is flat.
+#[derive(Debug, Clone, Copy, Default)]
+struct Shade {
+    value: [f32; 4],
+    gx: [f32; 4],
+    gy: [f32; 4],
+    low: [f32; 4],
+    high: [f32; 4],
+    anchor: [f32; 2],
+}
+
+/// What the ranks of a tile look like, and behind them what nothing looks like.
+#[derive(Debug, Default)]
+pub struct Shades {
+    /// Straight RGBA, where the tile has no other triangles than flat ones.
+    flat: Vec<[f32; 4]>,
+    /// Else these.
+    planes: Vec<Shade>,
+    has_gradients: bool,
+    nothing: usize,
+}
+
+impl Shades {
+    pub fn bytes(&self) -> u64 {
+        (self.flat.capacity() * size_of::<[f32; 4]>() + self.planes.capacity() * size_of::<Shade>()) as u64
+    }
+
+    /// For ranks below `n`.
+    pub fn begin(&mut self, n: usize, has_gradients: bool) {
+        (self.has_gradients, self.nothing) = (has_gradients, n);
+        if has_gradients {
+            self.planes.resize(n + 1, Shade::default());
+            self.planes[n] = Shade::default();
+        } else {
+            self.flat.resize(n + 1, [0.0; 4]);
+            self.flat[n] = [0.0; 4];
+        }
+    }
+
+    #[inline(always)]
+    pub fn set(&mut self, rank: usize, record: &Record<f32>, gradients: &[[Plane<f32>; 4]]) {
+        if !self.has_gradients {
+            self.flat[rank] = record.color;
+            return;
+        }
+        let anchor = record.anchor;
+        self.planes[rank] = match gradients.get(record.gradient as usize) {
+            Some(planes) if record.gradient != FLAT => Shade {
+                value: planes.map(|p| p.value),
+                gx: planes.map(|p| p.gx),
+                gy: planes.map(|p| p.gy),
+                low: planes.map(|p| p.low),
+                high: planes.map(|p| p.high),
+                anchor,
+            },
+            // Clamped to one colour, whatever the planes give.
+            _ => Shade { low: record.color, high: record.color, anchor, ..Shade::default() },
+        };
+    }
+}
+
+/// Straight RGBA of the entries of two neighbours, the left one's centre at (x, y).
+trait Color {
+    fn pair<V: Lanes>(&self, v: V, entries: [i64; 2], x: f32, y: f32) -> V::F32;
+}
+
+struct OfFlat<'a>(&'a [[f32; 4]]);
+impl Color for OfFlat<'_> {
+    #[inline(always)]
+    fn pair<V: Lanes>(&self, v: V, [a, b]: [i64; 2], _: f32, _: f32) -> V::F32 {
+        v.pair(self.0[a as u32 as usize], self.0[b as u32 as usize])
+    }
+}
+
+struct OfPlanes<'a, const PERSPECTIVE: bool>(&'a [Shade]);
+impl<const PERSPECTIVE: bool> Color for OfPlanes<'_, PERSPECTIVE> {
+    #[inline(always)]
+    fn pair<V: Lanes>(&self, v: V, entries: [i64; 2], x: f32, y: f32) -> V::F32 {
+        let [a, b] = [&self.0[entries[0] as u32 as usize], &self.0[entries[1] as u32 as usize]];
+        let dx = v.pair([x - a.anchor[0]; 4], [x + 1.0 - b.anchor[0]; 4]);
+        let dy = v.pair([y - a.anchor[1]; 4], [y - b.anchor[1]; 4]);
+        let across = v.add(v.pair(a.value, b.value), v.mul(v.pair(a.gx, b.gx), dx));
+        let mut value = v.add(across, v.mul(v.pair(a.gy, b.gy), dy));
+        if PERSPECTIVE {
+            let inverse = v.pair([inverse_w(entries[0]); 4], [inverse_w(entries[1]); 4]);
+            value = v.mul(value, v.div(v.splat(1.0), inverse));
+        }
+        v.clamped(value, v.pair(a.low, b.low), v.pair(a.high, b.high))
+    }
+}
+
+/// Resolves every pixel of the tile.
+#[inline(always)]
+pub fn resolve<V: Lanes, L: Listed<f32>>(
+    v: V,
+    quick: &Quick,
+    region: Region,
+    layers: &mut Layers,
+    target: &mut ImageTarget<f32, L>,
+) {
+    let Layers { entries, next, shades, list, .. } = layers;
+    let colors = (shades.flat.as_slice(), shades.planes.as_slice());
+    let nothing = NOTHING | shades.nothing as i64;
+    let tile = Tile { quick, region, entries, next, nothing };
+    match (shades.has_gradients, quick.walk.setup.perspective) {
+        (false, _) => tile.resolve(v, &OfFlat(colors.0), list, target),
+        (true, false) => tile.resolve(v, &OfPlanes::<false>(colors.1), list, target),
+        (true, true) => tile.resolve(v, &OfPlanes::<true>(colors.1), list, target),
+    }
+}
+
+/// Writes the background to every pixel of a tile.
+pub fn nothing<L: Listed<f32>>(quick: &Quick, region: Region, target: &mut ImageTarget<f32, L>) {
+    let Region { x0, y0, w, h } = region;
+    let over = |behind: [f32; 4]| MaybeUninit::new(exact::State::begin().end(behind));
+    for y in y0..y0 + h {
+        target.count(y, &[0; TILE as usize][..w as usize], 1);
+        let row = target.row(x0, y, w as usize);
+        match quick.background {
+            Background::Constant(color) => row.fill(over(color)),
+            Background::Image(image) => {
+                let first = y as usize * quick.walk.width as usize + x0 as usize;
+                row.iter_mut().zip(&image[first..]).for_each(|(pixel, &behind)| *pixel = over(behind));
+            }
+        }
+    }
+}
+
+struct Tile<'a> {
+    quick: &'a Quick<'a>,
+    region: Region,
+    entries: &'a [i64],
+    next: &'a [u32],
+    /// What is put where a list is shorter than those beside it.
+    nothing: i64,
+}
+
+impl Tile<'_> {
+    #[inline(always)]
+    fn resolve<V: Lanes, L: Listed<f32>>(
+        &self,
+        v: V,
+        colors: &impl Color,
+        list: &mut Vec<[i64; QUAD]>,
+        target: &mut ImageTarget<f32, L>,
+    ) {
+        let (tile, quad) = (TILE as usize, QUAD);
+        let Region { x0, y0, w, h } = self.region;
+        for j in 0..h as usize {
+            let (y, counts) = (y0 + j as i32, &self.next[j * tile..(j + 1) * tile]);
+            target.count(y, &counts[..w as usize], PIXELS as u32);
+            for i in (0..w as usize).step_by(quad) {
+                let pixel = j * tile + i;
+                let mut lengths = [0; QUAD];
+                for l in 0..QUAD {
+                    lengths[l] = i64::from(counts[i + l] / PIXELS as u32);
+                }
+                let most = lengths[0].max(lengths[1]).max(lengths[2].max(lengths[3])) as usize;
+                let (x, width) = (x0 + i as i32, quad.min(w as usize - i));
+                let behind = self.quick.background_of(x, y, width);
+                let mut states = [State::begin(v); QUAD / 2];
+                let at = (x as f32 + 0.5, y as f32 + 0.5);
+                let lengths = v.longs(lengths);
+                macro_rules! short {
+                    ($n:literal) => {
+                        states = self.short::<V, $n>(v, pixel, lengths, states, colors, at)
+                    };
+                }
+                match most {
+                    0 => {}
+                    1 => short!(1),
+                    2 => short!(2),
+                    3 => short!(3),
+                    4 => short!(4),
+                    5 => short!(5),
+                    6 => short!(6),
+                    7 => short!(7),
+                    8 => short!(8),
+                    9 | 10 => short!(10),
+                    11 | 12 => short!(12),
+                    13..=LONGEST => short!(16),
+                    _ => {
+                        list.clear();
+                        for k in 0..most {
+                            list.push(v.long_array(self.layer(v, k, pixel, lengths)));
+                        }
+                        sort_long(v, list);
+                        for &entries in list.iter() {
+                            states = blend(v, entries, states, colors, at);
+                        }
+                    }
+                }
+                let rgba: [[f32; 4]; QUAD] = cast([
+                    v.split(states[0].over(v, behind[0], behind[1])),
+                    v.split(states[1].over(v, behind[2], behind[3])),
+                ]);
+                let rgba = rgba.map(MaybeUninit::new);
+                let row = target.row(x, y, width);
+                match row.first_chunk_mut() {
+                    Some(whole) => *whole = rgba,
+                    None => row.copy_from_slice(&rgba[..width]),
+                }
+            }
+        }
+    }
+
+    /// Sorts and composites four lists of at most N entries.
+    #[cfg_attr(not(debug_assertions), inline(always))] // without optimisation the stack would not hold all of them
+    fn short<V: Lanes, const N: usize>(
+        &self,
+        v: V,
+        pixel: usize,
+        lengths: V::I64,
+        mut states: [State<V>; QUAD / 2],
+        colors: &impl Color,
+        at: (f32, f32),
+    ) -> [State<V>; QUAD / 2] {
+        let mut list = [v.longs([self.nothing; QUAD]); N];
+        for (k, entries) in list.iter_mut().enumerate() {
+            *entries = self.layer(v, k, pixel, lengths);
+        }
+        sort(v, &mut list);
+        for entries in &list {
+            states = blend(v, v.long_array(*entries), states, colors, at);
+        }
+        states
+    }
+
+    /// The k-th entries of four pixels whose lists have these lengths.
+    #[inline(always)]
+    fn layer<V: Lanes>(&self, v: V, k: usize, pixel: usize, lengths: V::I64) -> V::I64 {
+        let first = k * PIXELS + pixel;
+        let entries = &self.entries[first..first + QUAD];
+        let entries = v.longs([entries[0], entries[1], entries[2], entries[3]]);
+        v.where_greater(lengths, k as i64, entries, v.longs([self.nothing; QUAD]))
+    }
+}
+
+/// `methods::exact`, two pixels at a time.
+#[derive(Clone, Copy)]
+struct State<V: Lanes> {
+    /// Premultiplied RGB, then alpha.
+    rgba: V::F32,
+    transmittance: V::F32,
+}
+
+impl<V: Lanes> State<V> {
+    #[inline(always)]
+    fn begin(v: V) -> Self {
+        Self { rgba: v.splat(0.0), transmittance: v.splat(1.0) }
+    }
+
+    #[inline(always)]
+    fn insert(self, v: V, color: V::F32) -> Self {
+        let alpha = v.fourth(color);
+        let weight = v.mul(self.transmittance, alpha);
+        Self {
+            rgba: v.add(self.rgba, v.mul(weight, v.with_one(color))),
+            transmittance: v.mul(self.transmittance, v.sub(v.splat(1.0), alpha)),
+        }
+    }
+
+    #[inline(always)]
+    fn over(self, v: V, a: [f32; 4], b: [f32; 4]) -> V::F32 {
+        self.insert(v, v.pair(a, b)).rgba
+    }
+}
+
+/// Composites an entry of each of four pixels.
+#[inline(always)]
+fn blend<V: Lanes>(
+    v: V,
+    entries: [i64; QUAD],
+    [left, right]: [State<V>; 2],
+    colors: &impl Color,
+    (x, y): (f32, f32),
+) -> [State<V>; 2] {
+    let [a, b, c, d] = entries;
+    [left.insert(v, colors.pair(v, [a, b], x, y)), right.insert(v, colors.pair(v, [c, d], x + 2.0, y))]
+}
