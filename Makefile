@@ -54,6 +54,19 @@ lint: $(STAMPS)/test ## formatting, clippy, ruff, and which file may name which 
 	@! grep -rnE '\b(pyo3|numpy)::' src | grep -v '^src/python/' || { echo "only src/python may name pyo3 and numpy"; exit 1; }
 	@! grep -rnE '\bwgpu::' src | grep -vE '^src/(gpu/|shader\.rs)' || { echo "only src/gpu and src/shader.rs may name wgpu"; exit 1; }
 
+# ---- products and sums in one rounding ----
+
+BITS := .cache/bits
+.PHONY: fma
+fma: ## fragments keep their bits where a·b + c is rounded once, and colours do not
+	mkdir -p $(BITS)/plain $(BITS)/fma
+	cargo run --quiet --no-default-features --example bits -- $(BITS)/plain
+	cargo run --quiet --no-default-features --features fma --example bits -- $(BITS)/fma
+	cmp $(BITS)/plain/fragments $(BITS)/fma/fragments
+	@for what in colors image; do \
+		! cmp --silent $(BITS)/{plain,fma}/$$what || { echo "$$what: no bit differs, so that this shows nothing"; exit 1; }; \
+	done
+
 # ---- the oldest numpy ----
 
 # The one that pyproject.toml names; a later Python has wheels of later ones only.

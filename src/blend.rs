@@ -20,10 +20,12 @@ pub fn affine<T: Real>(mode: u8, [r, g, b, alpha]: [T; 4]) -> ([T; 4], [T; 4]) {
     let (zero, one) = (T::ZERO, T::ONE);
     let through = one - alpha;
     let [pr, pg, pb] = [alpha * r, alpha * g, alpha * b];
+    let through_plus = |c: T| alpha.times_plus(c, through);
+    let one_minus = |c: T| (-alpha).times_plus(c, one);
     match mode {
         ADDITIVE => ([pr, pg, pb, zero], [one; 4]),
-        MULTIPLY => ([zero; 4], [through + pr, through + pg, through + pb, one]),
-        SCREEN => ([pr, pg, pb, zero], [one - pr, one - pg, one - pb, one]),
+        MULTIPLY => ([zero; 4], [through_plus(r), through_plus(g), through_plus(b), one]),
+        SCREEN => ([pr, pg, pb, zero], [one_minus(r), one_minus(g), one_minus(b), one]),
         PREMULTIPLIED => ([r, g, b, alpha], [through; 4]),
         _ => ([pr, pg, pb, alpha], [through; 4]),
     }
@@ -47,7 +49,7 @@ impl<T: Real> State<T> {
     #[inline]
     pub fn insert(&mut self, mode: u8, color: [T; 4]) {
         let (a, f) = affine(mode, color);
-        self.rgba = std::array::from_fn(|i| self.rgba[i] + self.transmittance[i] * a[i]);
+        self.rgba = std::array::from_fn(|i| self.transmittance[i].times_plus(a[i], self.rgba[i]));
         self.transmittance = std::array::from_fn(|i| self.transmittance[i] * f[i]);
     }
 
@@ -61,7 +63,7 @@ impl<T: Real> State<T> {
     #[inline]
     pub fn end(self, background: [T; 4]) -> [T; 4] {
         let behind = premultiplied(background);
-        std::array::from_fn(|i| self.rgba[i] + self.transmittance[i] * behind[i])
+        std::array::from_fn(|i| self.transmittance[i].times_plus(behind[i], self.rgba[i]))
     }
 }
 
@@ -75,7 +77,7 @@ pub fn premultiplied<T: Real>([r, g, b, a]: [T; 4]) -> [T; 4] {
 #[inline]
 pub fn onto<T: Real>(destination: [T; 4], mode: u8, color: [T; 4]) -> [T; 4] {
     let (a, f) = affine(mode, color);
-    std::array::from_fn(|i| a[i] + f[i] * destination[i])
+    std::array::from_fn(|i| f[i].times_plus(destination[i], a[i]))
 }
 
 #[cfg(test)]

@@ -44,6 +44,8 @@ pub trait Real:
     /// The key in reverse order.
     fn reversed(key: Self::Key) -> Self::Key;
 
+    /// self · b + c, of what is not promised to the bit: with feature `fma`, rounded once.
+    fn times_plus(self, b: Self, c: Self) -> Self;
     fn abs(self) -> Self;
     /// The power of two that brings a positive value into [1, 2), as far as it is a normal number itself.
     fn inverse_binade(self) -> Self;
@@ -105,6 +107,10 @@ macro_rules! impl_real {
             #[inline]
             fn is_finite(self) -> bool {
                 <$float>::is_finite(self)
+            }
+            #[inline(always)]
+            fn times_plus(self, b: Self, c: Self) -> Self {
+                if cfg!(feature = "fma") { self.mul_add(b, c) } else { self * b + c }
             }
             #[inline]
             fn abs(self) -> Self {

@@ -217,7 +217,7 @@ fn weighted_mean<T: Real>(samples: &[[T; 4]], weight: impl Fn([T; 4]) -> T) -> [
     let (mut sum, mut weights) = ([T::ZERO; 4], T::ZERO);
     for &sample in samples {
         let w = weight(sample);
-        sum = std::array::from_fn(|i| sum[i] + w * sample[i]);
+        sum = std::array::from_fn(|i| w.times_plus(sample[i], sum[i]));
         weights = weights + w;
     }
     sum.map(|v| v / weights)

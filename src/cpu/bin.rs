@@ -27,6 +27,12 @@ struct Cover {
 const COVER_COLUMNS: i32 = 8;
 const COVER_ROWS: i32 = 4;
 
+const NO_PIXELS: [i32; 4] = [i32::MAX, i32::MAX, i32::MIN, i32::MIN];
+
+fn joined(a: [i32; 4], b: [i32; 4]) -> [i32; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
+}
+
 /// How many records each tile has, and the runs of tiles that are scattered together.
 #[derive(Debug)]
 pub struct Binning<'a, T> {
@@ -40,6 +46,8 @@ pub struct Binning<'a, T> {
     counts: Vec<Vec<u32>>,
     /// Of each chunk's records, in their order.
     covers: Vec<Vec<Cover>>,
+    /// The pixels that records may cover: x0, y0, x1, y1, all inclusive.
+    bounds: [i32; 4],
     pub runs: Vec<Range<usize>>,
     /// The lists of the only run, so that a second walk does not scatter again.
     kept: Option<Bins>,
@@ -79,19 +87,29 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
             chunk,
             counts: vec![],
             covers: vec![],
+            bounds: NO_PIXELS,
             runs: vec![],
             kept: None,
         };
-        (binning.counts, binning.covers) = setup
+        let chunks: Vec<_> = setup
             .records
             .par_chunks(chunk)
             .map(|records| {
-                let mut counts = vec![0; tiles];
-                let cover = |record| binning.cover(record, |tile| counts[tile] += 1);
-                let covers = records.iter().map(cover).collect();
-                (counts, covers)
+                let (mut counts, mut bounds) = (vec![0; tiles], NO_PIXELS);
+                let cover = |record| {
+                    let pixels = binning.pixels(record);
+                    bounds = joined(bounds, pixels);
+                    binning.cover(record, pixels, |tile| counts[tile] += 1)
+                };
+                let covers: Vec<_> = records.iter().map(cover).collect();
+                (counts, covers, bounds)
             })
-            .unzip();
+            .collect();
+        for (counts, covers, bounds) in chunks {
+            binning.counts.push(counts);
+            binning.covers.push(covers);
+            binning.bounds = joined(binning.bounds, bounds);
+        }
         binning.runs = binning.plan_runs(budget)?;
         if let [run] = binning.runs.as_slice() {
             binning.kept = Some(binning.scatter(run.clone()));
@@ -196,7 +214,8 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
             };
             for (record, cover) in (c * self.chunk..).zip(&self.covers[c]) {
                 if cover.tiles == 0 {
-                    self.cover(&self.setup.records[record], |tile| visit(tile, record));
+                    let of = &self.setup.records[record];
+                    self.cover(of, self.pixels(of), |tile| visit(tile, record));
                 }
                 let mut rest = cover.tiles;
                 while rest != 0 {
@@ -211,12 +230,20 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
         Bins { run, offsets, records }
     }
 
+    /// The pixels that records may cover, for people.
+    pub fn describe_box(&self) -> String {
+        let [x0, y0, x1, y1] = self.bounds;
+        if x0 > x1 { "none".into() } else { format!("{x0}..{} × {y0}..{}", x1 + 1, y1 + 1) }
+    }
+
+    fn pixels(&self, record: &Record<T>) -> [i32; 4] {
+        pixel_box(record.x, record.y, (self.width, self.height), self.setup.multisampled)
+    }
+
     /// Calls `visit` for each tile that the record may cover, and returns which they are.
     #[inline]
-    fn cover(&self, record: &Record<T>, mut visit: impl FnMut(usize)) -> Cover {
+    fn cover(&self, record: &Record<T>, [x0, y0, x1, y1]: [i32; 4], mut visit: impl FnMut(usize)) -> Cover {
         let tile = TILE as i32;
-        let multisampled = self.setup.multisampled;
-        let [x0, y0, x1, y1] = pixel_box(record.x, record.y, (self.width, self.height), multisampled);
         let [tx0, ty0, tx1, ty1] = [x0 / tile, y0 / tile, x1 / tile, y1 / tile];
         let index = |tx: i32, ty: i32| ty as usize * self.tiles_x as usize + tx as usize;
         let first = index(tx0, ty0) as u32;
@@ -226,7 +253,7 @@ impl<'a, T: Sync + Send> Binning<'a, T> {
         }
         let small = tx1 - tx0 < COVER_COLUMNS && ty1 - ty0 < COVER_ROWS;
         let mut tiles = 0;
-        TileWalk::new(record, (tx0, ty0), multisampled).each(tx0..=tx1, ty0..=ty1, |tx, ty| {
+        TileWalk::new(record, (tx0, ty0), self.setup.multisampled).each(tx0..=tx1, ty0..=ty1, |tx, ty| {
             if small {
                 tiles |= 1 << ((ty - ty0) * COVER_COLUMNS + tx - tx0);
             }

@@ -56,7 +56,7 @@ pub trait Precision: Real {
         _records: &[u32],
         _: Region,
         _: &mut Layers,
-        _: &mut ImageTarget<Self, L>,
+        _: &mut ImageTarget<'_, '_, Self, L>,
     ) -> bool {
         false
     }
@@ -78,7 +78,7 @@ impl Precision for f32 {
         records: &[u32],
         region: Region,
         layers: &mut Layers,
-        target: &mut ImageTarget<Self, L>,
+        target: &mut ImageTarget<'_, '_, Self, L>,
     ) -> bool {
         quick.resolve(records, region, layers, target)
     }
@@ -176,7 +176,8 @@ fn render_listed<T: Precision, L: Listed<T>>(
     binning.each_run(|bins| {
         bands.par_iter_mut().enumerate().try_for_each(|(ty, band)| {
             let (tiles, of_run) = binning.of_row(ty, &bins.run);
-            let mut targets = band.tiles::<L>();
+            let mut cut = band.tiles();
+            let mut targets = cut.targets::<L>();
             targets[of_run].par_iter_mut().zip(tiles).try_for_each_init(
                 || scratches.borrow(),
                 |scratch, (target, tile)| {
@@ -192,6 +193,8 @@ fn render_listed<T: Precision, L: Listed<T>>(
                 },
             )?;
             let found = targets.iter().map(ImageTarget::found).fold(Found::default(), Found::and);
+            drop(targets);
+            drop(cut);
             band.found = band.found.and(found);
             Ok(())
         })
@@ -203,11 +206,7 @@ fn render_listed<T: Precision, L: Listed<T>>(
     stats.fragments = found.fragments;
     stats.dropped_fragments = found.dropped;
     stats.max_depth_complexity = Some(found.deepest);
-    stats.choose(
-        "rectangle",
-        setup.describe_box(width, height),
-        "where geometry lands; elsewhere is background",
-    );
+    stats.choose("rectangle", binning.describe_box(), "where geometry lands; elsewhere is background");
     let tiles = format!("{} of {} hold translucent geometry", found.filled, binning.tile_count());
     stats.choose("tiles", tiles, format!("{TILE}×{TILE} pixels each"));
     stats.stage("resolve", clock);

@@ -20,14 +20,16 @@ pub struct Plane<T> {
 }
 
 impl<T: Real> Plane<T> {
-    #[inline]
-    pub fn unclamped(&self, dx: T, dy: T) -> T {
-        self.value + self.gx * dx + self.gy * dy
-    }
-
+    /// What a sort key is made of: to the bit the same everywhere.
     #[inline]
     pub fn at(&self, dx: T, dy: T) -> T {
-        self.unclamped(dx, dy).clamped(self.low, self.high)
+        (self.value + self.gx * dx + self.gy * dy).clamped(self.low, self.high)
+    }
+
+    /// A channel of the colour, over w under a perspective. To be clamped.
+    #[inline]
+    pub fn color(&self, dx: T, dy: T) -> T {
+        self.gy.times_plus(dy, self.gx.times_plus(dx, self.value))
     }
 }
 
@@ -96,13 +98,21 @@ pub struct Slopes<T> {
 }
 
 impl<T: Real> Slopes<T> {
-    /// The plane of an attribute that the corners have. `None` if a value is not finite.
+    /// The plane that a sort key comes from. `None` if a value is not finite.
     #[inline(always)]
     fn plane(&self, [a, b, c]: [T; 3], value: T, low: T, high: T) -> Option<Plane<T>> {
         let (db, dc) = (b - a, c - a);
         let slope = |i: usize| a * self.constant[i] + db * self.along_b[i] + dc * self.along_c[i];
-        let (gx, gy) = (slope(0), slope(1));
-        (value + gx + gy).is_finite().then_some(Plane { value, gx, gy, low, high })
+        finite(value, slope(0), slope(1), low, high)
+    }
+
+    /// The plane of a colour channel.
+    #[inline(always)]
+    fn color_plane(&self, [a, b, c]: [T; 3], value: T, low: T, high: T) -> Option<Plane<T>> {
+        let (db, dc) = (b - a, c - a);
+        let slope =
+            |i: usize| dc.times_plus(self.along_c[i], db.times_plus(self.along_b[i], a * self.constant[i]));
+        finite(value, slope(0), slope(1), low, high)
     }
 
     /// The planes of the corners' colours, `at` and `w` the anchor's; `None` inside if they are one colour.
@@ -117,10 +127,15 @@ impl<T: Real> Slopes<T> {
         for (i, channel) in planes.iter_mut().enumerate() {
             let low = a[i].smaller(b[i]).smaller(c[i]);
             let high = a[i].larger(b[i]).larger(c[i]);
-            *channel = self.plane([a[i], b[i], c[i]], at[i] / w, low, high)?;
+            *channel = self.color_plane([a[i], b[i], c[i]], at[i] / w, low, high)?;
         }
         Some(Some(planes))
     }
+}
+
+#[inline(always)]
+fn finite<T: Real>(value: T, gx: T, gy: T, low: T, high: T) -> Option<Plane<T>> {
+    (value + gx + gy).is_finite().then_some(Plane { value, gx, gy, low, high })
 }
 
 /// Pixels, y down. `view`: width and height.

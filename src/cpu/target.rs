@@ -134,11 +134,28 @@ impl<'a, T: Real> ImageParts<'a, T> {
 }
 
 impl<T: Real> Band<'_, T> {
-    /// The tiles of the band, from left to right.
-    pub fn tiles<L: Listed<T>>(&mut self) -> Vec<ImageTarget<'_, T, L>> {
+    /// Cuts the band into tiles, from left to right.
+    pub fn tiles(&mut self) -> Tiles<'_, T> {
         let ImageParts { image, counts, behind, width, each, samples } = &mut self.parts;
-        let mut counts = counts.as_mut().map(|c| TileRows::cut(c, *width, 1).into_iter());
-        let mut behind = behind.as_mut().map(|b| TileRows::cut(b, *width, *samples).into_iter());
+        Tiles {
+            image: TileRows::cut(image, *width, *each),
+            counts: counts.as_mut().map(|c| TileRows::cut(c, *width, 1)),
+            behind: behind.as_mut().map(|b| TileRows::cut(b, *width, *samples)),
+        }
+    }
+}
+
+/// The tiles of a band.
+pub struct Tiles<'a, T> {
+    image: Vec<TileRows<'a, MaybeUninit<[T; 4]>>>,
+    counts: Option<Vec<TileRows<'a, i32>>>,
+    behind: Option<Vec<TileRows<'a, [T; 4]>>>,
+}
+
+impl<'a, T: Real> Tiles<'a, T> {
+    pub fn targets<L: Listed<T>>(&mut self) -> Vec<ImageTarget<'_, 'a, T, L>> {
+        let mut counts = self.counts.as_mut().map(|c| c.iter_mut());
+        let mut behind = self.behind.as_mut().map(|b| b.iter_mut());
         let target = |image| ImageTarget {
             image,
             counts: counts.as_mut().and_then(Iterator::next),
@@ -146,20 +163,20 @@ impl<T: Real> Band<'_, T> {
             kept: Vec::new(),
             found: Found::default(),
         };
-        TileRows::cut(image, *width, *each).into_iter().map(target).collect()
+        self.image.iter_mut().map(target).collect()
     }
 }
 
 /// What the resolving walk writes for a tile.
-pub struct ImageTarget<'a, T, L> {
-    image: TileRows<'a, MaybeUninit<[T; 4]>>,
-    counts: Option<TileRows<'a, i32>>,
-    behind: Option<TileRows<'a, [T; 4]>>,
+pub struct ImageTarget<'t, 'a, T, L> {
+    image: &'t mut TileRows<'a, MaybeUninit<[T; 4]>>,
+    counts: Option<&'t mut TileRows<'a, i32>>,
+    behind: Option<&'t mut TileRows<'a, [T; 4]>>,
     kept: Vec<L>,
     found: Found,
 }
 
-impl<T: Real, L: Listed<T>> ImageTarget<'_, T, L> {
+impl<T: Real, L: Listed<T>> ImageTarget<'_, '_, T, L> {
     pub fn found(&self) -> Found {
         Found { filled: usize::from(self.found.fragments > 0), ..self.found }
     }

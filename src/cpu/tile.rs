@@ -174,10 +174,10 @@ impl<T: Real> Walk<'_, T> {
         let planes = &self.setup.gradients[record.gradient as usize];
         let (dx, dy) = offset(record, x, y, at);
         if !self.setup.perspective {
-            return planes.map(|p| p.at(dx, dy));
+            return planes.map(|p| p.color(dx, dy).clamped(p.low, p.high));
         }
         let w = T::ONE / record.key_plane.at(dx, dy);
-        planes.map(|p| (p.unclamped(dx, dy) * w).clamped(p.low, p.high))
+        planes.map(|p| (p.color(dx, dy) * w).clamped(p.low, p.high))
     }
 
     pub fn primitive<L: Listed<T>>(&self, listed: L) -> u32 {

@@ -45,7 +45,7 @@ impl<T: Real> State<T> {
     fn add(&mut self, weight: T, [r, g, b]: [T; 3]) {
         // Alpha is one more channel, of colour 1: four equal operations become one vector instruction.
         let color = [r, g, b, T::ONE];
-        self.rgba = std::array::from_fn(|i| self.rgba[i] + weight * color[i]);
+        self.rgba = std::array::from_fn(|i| weight.times_plus(color[i], self.rgba[i]));
     }
 }
 

@@ -5,6 +5,8 @@
 mod avx2;
 mod plain;
 
+use crate::real::Real;
+
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
 pub use plain::Plain;
@@ -52,6 +54,15 @@ pub trait Lanes: Copy {
     fn sub(self, a: Self::F32, b: Self::F32) -> Self::F32;
     fn mul(self, a: Self::F32, b: Self::F32) -> Self::F32;
     fn div(self, a: Self::F32, b: Self::F32) -> Self::F32;
+    /// `Real::times_plus`.
+    #[inline(always)]
+    fn times_plus(self, a: Self::F32, b: Self::F32, c: Self::F32) -> Self::F32 {
+        if cfg!(feature = "fma") {
+            let (a, b, c) = (self.float_array(a), self.float_array(b), self.float_array(c));
+            return self.floats(std::array::from_fn(|i| a[i].times_plus(b[i], c[i])));
+        }
+        self.add(self.mul(a, b), c)
+    }
     /// `a` where it is less than `b`, else `b`: `Real::smaller` of `b` and `a`.
     fn min(self, a: Self::F32, b: Self::F32) -> Self::F32;
     /// `a` where it is greater than `b`, else `b`: `Real::larger` of `b` and `a`.

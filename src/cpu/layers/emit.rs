@@ -20,8 +20,11 @@ pub fn inverse_w(entry: i64) -> f32 {
 /// Appends the fragments of `record` to the lists of the pixels that it covers.
 ///
 /// A key is `real::sort_key`'s with its top bit flipped, since vector instructions compare signed integers.
+///
+/// # Safety
+/// `next` must be places in `entries`, with one more layer after each.
 #[inline(always)]
-pub fn emit<V: Lanes, const PERSPECTIVE: bool>(
+pub unsafe fn emit<V: Lanes, const PERSPECTIVE: bool>(
     v: V,
     record: &Record<f32>,
     rank: u32,
@@ -66,7 +69,9 @@ pub fn emit<V: Lanes, const PERSPECTIVE: bool>(
                 return;
             };
             for i in 0..STRIP {
-                entries[next[i] as usize] = found[i];
+                debug_assert!((next[i] as usize) < entries.len());
+                // SAFETY: a place in `entries`, as the caller promises; each is passed once, when it moves one layer on.
+                unsafe { *entries.get_unchecked_mut(next[i] as usize) = found[i] };
             }
             // The sign is set where any edge has the pixel outside.
             let [e0, e1, e2] = edges;

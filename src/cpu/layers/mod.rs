@@ -122,7 +122,7 @@ impl<'a> Quick<'a> {
         records: &[u32],
         region: Region,
         layers: &mut Layers,
-        target: &mut ImageTarget<f32, L>,
+        target: &mut ImageTarget<'_, '_, f32, L>,
     ) -> bool {
         match self.instructions {
             Instructions::Any => self.resolve_with(Plain, records, region, layers, target),
@@ -139,7 +139,7 @@ impl<'a> Quick<'a> {
         records: &[u32],
         region: Region,
         layers: &mut Layers,
-        target: &mut ImageTarget<f32, L>,
+        target: &mut ImageTarget<'_, '_, f32, L>,
     ) -> bool {
         // SAFETY: this function is called where there is AVX2.
         let v = unsafe { Avx2::new() };
@@ -154,7 +154,7 @@ impl<'a> Quick<'a> {
         records: &[u32],
         region: Region,
         layers: &mut Layers,
-        target: &mut ImageTarget<f32, L>,
+        target: &mut ImageTarget<'_, '_, f32, L>,
     ) -> bool {
         if records.is_empty() {
             shade::nothing(self, region, target);
@@ -207,10 +207,14 @@ impl<'a> Quick<'a> {
             for (i, record) in records.iter().enumerate() {
                 let rank = rest.len() - 1 - i;
                 shades.set(rank, record, gradients);
-                if self.walk.setup.perspective {
-                    emit::emit::<_, true>(v, record, rank as u32, region, entries, next);
-                } else {
-                    emit::emit::<_, false>(v, record, rank as u32, region, entries, next);
+                // SAFETY: there is room for `room` more entries of each list, each record adds at most one, and
+                // one layer is left over.
+                unsafe {
+                    if self.walk.setup.perspective {
+                        emit::emit::<_, true>(v, record, rank as u32, region, entries, next);
+                    } else {
+                        emit::emit::<_, false>(v, record, rank as u32, region, entries, next);
+                    }
                 }
             }
             rest = later;

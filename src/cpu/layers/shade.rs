@@ -2,8 +2,6 @@
 
 use std::mem::MaybeUninit;
 
-use bytemuck::cast;
-
 use super::emit::inverse_w;
 use super::network::{LONGEST, QUAD, sort, sort_long};
 use super::{Layers, NOTHING, PIXELS, Quick};
@@ -97,8 +95,8 @@ impl<const PERSPECTIVE: bool> Color for OfPlanes<'_, PERSPECTIVE> {
         let [a, b] = [&self.0[entries[0] as u32 as usize], &self.0[entries[1] as u32 as usize]];
         let dx = v.pair([x - a.anchor[0]; 4], [x + 1.0 - b.anchor[0]; 4]);
         let dy = v.pair([y - a.anchor[1]; 4], [y - b.anchor[1]; 4]);
-        let across = v.add(v.pair(a.value, b.value), v.mul(v.pair(a.gx, b.gx), dx));
-        let mut value = v.add(across, v.mul(v.pair(a.gy, b.gy), dy));
+        let across = v.times_plus(v.pair(a.gx, b.gx), dx, v.pair(a.value, b.value));
+        let mut value = v.times_plus(v.pair(a.gy, b.gy), dy, across);
         if PERSPECTIVE {
             let inverse = v.pair([inverse_w(entries[0]); 4], [inverse_w(entries[1]); 4]);
             value = v.mul(value, v.div(v.splat(1.0), inverse));
@@ -114,7 +112,7 @@ pub fn resolve<V: Lanes, L: Listed<f32>>(
     quick: &Quick,
     region: Region,
     layers: &mut Layers,
-    target: &mut ImageTarget<f32, L>,
+    target: &mut ImageTarget<'_, '_, f32, L>,
 ) {
     let Layers { entries, next, shades, list, .. } = layers;
     let colors = (shades.flat.as_slice(), shades.planes.as_slice());
@@ -128,7 +126,7 @@ pub fn resolve<V: Lanes, L: Listed<f32>>(
 }
 
 /// Writes the background to every pixel of a tile.
-pub fn nothing<L: Listed<f32>>(quick: &Quick, region: Region, target: &mut ImageTarget<f32, L>) {
+pub fn nothing<L: Listed<f32>>(quick: &Quick, region: Region, target: &mut ImageTarget<'_, '_, f32, L>) {
     let Region { x0, y0, w, h } = region;
     let over = |behind: [f32; 4]| MaybeUninit::new(exact::State::begin().end(behind));
     for y in y0..y0 + h {
@@ -160,7 +158,7 @@ impl Tile<'_> {
         v: V,
         colors: &impl Color,
         list: &mut Vec<[i64; QUAD]>,
-        target: &mut ImageTarget<f32, L>,
+        target: &mut ImageTarget<'_, '_, f32, L>,
     ) {
         let (tile, quad) = (TILE as usize, QUAD);
         let Region { x0, y0, w, h } = self.region;
@@ -208,15 +206,13 @@ impl Tile<'_> {
                         }
                     }
                 }
-                let rgba: [[f32; 4]; QUAD] = cast([
-                    v.split(states[0].over(v, behind[0], behind[1])),
-                    v.split(states[1].over(v, behind[2], behind[3])),
-                ]);
-                let rgba = rgba.map(MaybeUninit::new);
+                let left = v.split(states[0].over(v, behind[0], behind[1])).map(MaybeUninit::new);
+                let right = v.split(states[1].over(v, behind[2], behind[3])).map(MaybeUninit::new);
                 let row = target.row(x, y, width);
                 match row.first_chunk_mut() {
-                    Some(whole) => *whole = rgba,
-                    None => row.copy_from_slice(&rgba[..width]),
+                    Some([a, b, c, d]) => ([*a, *b], [*c, *d]) = (left, right),
+                    // At the right end of the image. A copy of so many, for both, would be a call.
+                    None => left.iter().chain(&right).zip(row).for_each(|(rgba, slot)| *slot = *rgba),
                 }
             }
         }
@@ -273,7 +269,7 @@ impl<V: Lanes> State<V> {
         let alpha = v.fourth(color);
         let weight = v.mul(self.transmittance, alpha);
         Self {
-            rgba: v.add(self.rgba, v.mul(weight, v.with_one(color))),
+            rgba: v.times_plus(weight, v.with_one(color), self.rgba),
             transmittance: v.mul(self.transmittance, v.sub(v.splat(1.0), alpha)),
         }
     }

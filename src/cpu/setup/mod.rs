@@ -76,17 +76,6 @@ pub struct Setup<T> {
 }
 
 impl<T> Setup<T> {
-    /// The pixels that records may cover, for people.
-    pub fn describe_box(&self, width: u32, height: u32) -> String {
-        let of = |r: &Record<T>| pixel_box(r.x, r.y, (width, height), self.multisampled);
-        let join =
-            |a: [i32; 4], b: [i32; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
-        match self.records.iter().map(of).reduce(join) {
-            Some([x0, y0, x1, y1]) => format!("{x0}..{} × {y0}..{}", x1 + 1, y1 + 1),
-            None => "none".into(),
-        }
-    }
-
     pub fn bytes(&self) -> u64 {
         (self.records.len() * size_of::<Record<T>>() + self.gradients.len() * size_of::<[Plane<T>; 4]>())
             as u64
