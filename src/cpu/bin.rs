@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
-use super::coverage::TileWalk;
 use super::region::{Region, TILE};
 use super::setup::{Record, Setup, pixel_box};
+use super::tile_walk::TileWalk;
 use crate::error::{Error, Result};
 
 /// Bytes of one entry of a tile's list.

@@ -1,9 +1,8 @@
 //! Which pixel centres a snapped triangle covers: integer edge functions and the top-left rule, so that
 //! two triangles that share an edge never both cover a centre, and never both miss it (Pineda 1988).
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 
-use super::region::TILE;
 use super::setup::Record;
 use crate::samples::Offset;
 
@@ -76,7 +75,7 @@ impl Edges {
 
 /// Edge i of a triangle: its extent, and its function at the centre of pixel (x0, y0), in 64 bits.
 #[inline(always)]
-fn edge<T>(record: &Record<T>, i: usize, x0: i32, y0: i32) -> (i32, i32, i64) {
+pub fn edge<T>(record: &Record<T>, i: usize, x0: i32, y0: i32) -> (i32, i32, i64) {
     // The centre of pixel i lies at 256 i + 128.
     let (cx, cy) = (256 * x0 + 128, 256 * y0 + 128);
     let j = (i + 1) % 3;
@@ -84,54 +83,6 @@ fn edge<T>(record: &Record<T>, i: usize, x0: i32, y0: i32) -> (i32, i32, i64) {
     let value = i64::from(dx) * i64::from(cy - record.y[i]) - i64::from(dy) * i64::from(cx - record.x[i]);
     let top_or_left = dy < 0 || (dy == 0 && dx > 0);
     (dx, dy, value - i64::from(!top_or_left))
-}
-
-/// A walk over whole tiles: for each edge the most that its function comes to in a tile.
-pub struct TileWalk {
-    first: [i64; 3],
-    /// What a tile to the right adds, and one below.
-    right: [i64; 3],
-    below: [i64; 3],
-}
-
-impl TileWalk {
-    /// From tile (tx, ty) on. With samples the most is over the whole of each pixel.
-    #[inline(always)]
-    pub fn new<T>(record: &Record<T>, (tx, ty): (i32, i32), multisampled: bool) -> Self {
-        let tile = TILE as i32;
-        let mut walk = Self { first: [0; 3], right: [0; 3], below: [0; 3] };
-        for i in 0..3 {
-            let (dx, dy, value) = edge(record, i, tx * tile, ty * tile);
-            let within = if multisampled { (15 + 8 * dx.abs() + 8 * dy.abs()) >> 4 } else { 0 };
-            let most = within + (-dy * (tile - 1)).max(0) + (dx * (tile - 1)).max(0);
-            walk.first[i] = value + 256 * i64::from(most);
-            walk.right[i] = -256 * i64::from(tile) * i64::from(dy);
-            walk.below[i] = 256 * i64::from(tile) * i64::from(dx);
-        }
-        walk
-    }
-
-    /// Calls `visit(tx, ty)` for each tile of a rectangle, which begins where the walk does, in which each edge
-    /// function is inside somewhere: all that may hold a covered pixel, and near a corner a few too many.
-    #[inline]
-    pub fn each(
-        &self,
-        columns: RangeInclusive<i32>,
-        rows: RangeInclusive<i32>,
-        mut visit: impl FnMut(i32, i32),
-    ) {
-        let mut row = self.first;
-        for ty in rows {
-            let mut most = row;
-            for tx in columns.clone() {
-                if most[0] | most[1] | most[2] >= 0 {
-                    visit(tx, ty);
-                }
-                most = std::array::from_fn(|i| most[i] + self.right[i]);
-            }
-            row = std::array::from_fn(|i| row[i] + self.below[i]);
-        }
-    }
 }
 
 /// Which end of a row's span an edge bounds.
@@ -191,6 +142,7 @@ mod tests {
     use super::*;
     use crate::cpu::plane::Plane;
     use crate::cpu::setup::FLAT;
+    use crate::cpu::tile_walk::TileWalk;
 
     fn record(x: [i32; 3], y: [i32; 3]) -> Record<f32> {
         let plane = Plane { value: 0.0, gx: 0.0, gy: 0.0, low: 0.0, high: 0.0 };

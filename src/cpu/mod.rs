@@ -1,10 +1,12 @@
 //! The `tiles` pipeline on the CPU: set up, bin, then one tile at a time in cache, in parallel.
 
 mod bin;
+mod centers;
 mod coverage;
 mod entry;
 mod lanes;
 mod layers;
+mod lists;
 mod plane;
 mod region;
 mod samples;
@@ -12,6 +14,7 @@ mod setup;
 mod sort;
 mod target;
 mod tile;
+mod tile_walk;
 
 use std::mem::MaybeUninit;
 use std::ops::{Deref, DerefMut, Range};
@@ -32,9 +35,10 @@ use bin::Binning;
 use entry::{Covered, Listed, Single};
 use lanes::Instructions;
 use layers::{Layers, Quick};
+use lists::ListTarget;
 use region::{Region, TILE};
 use setup::{Faces, Part};
-use target::{Found, ImageParts, ImageTarget, ListTarget, Rules};
+use target::{Found, ImageParts, ImageTarget, Rules};
 use tile::{DeepPixel, Scratch, Walk};
 
 /// What bins and scratch may take together unless `memory=` says otherwise.

@@ -1,20 +1,18 @@
 //! One tile: rasterise its triangles into fragments, bring them into pixel order by a counting sort, and
 //! sort each pixel's list. What becomes of the lists is the visitor's business.
 
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use super::coverage::Edges;
 use super::entry::Listed;
 use super::lanes::Instructions;
 use super::layers::Layers;
-use super::region::{Region, TILE};
-use super::setup::{FLAT, Record, Setup, pixel_range};
+use super::region::Region;
+use super::setup::{FLAT, Record, Setup};
 use super::sort::sort;
 use crate::blend::OVER;
 use crate::error::{Error, Result};
 use crate::frame::Sort;
-use crate::real::{Real, sort_key};
+use crate::real::Real;
 use crate::samples::Offset;
 use crate::scene::Mesh;
 
@@ -258,82 +256,6 @@ impl<T: Real> Walk<'_, T> {
         }
     }
 
-    fn emit_centers<L: Listed<T>>(
-        &self,
-        records: &[u32],
-        region: Region,
-        limit: usize,
-        scratch: &mut Scratch<T, L>,
-    ) -> bool {
-        let Scratch { runs, keys, opaque, .. } = scratch;
-        let record = |index: u32| &self.setup.records[index as usize];
-        let mesh = |index: u32| &self.meshes[record(index).mesh as usize];
-        let hides = |index: u32| self.hides && mesh(index).opaque;
-        if self.hides && records.iter().any(|&index| hides(index)) {
-            opaque.resize(region.pixels(), L::MAX);
-            for &index in records.iter().filter(|&&index| hides(index)) {
-                let cutoff = T::from_f64(mesh(index).alpha_cutoff);
-                for_each_span(record(index), region, |x, y, pixel, len| {
-                    let found = self.keys(record(index), x, y);
-                    for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y, (0, 0)))
-                    {
-                        let nearest = &mut opaque[pixel + i];
-                        *nearest = (*nearest).min(L::new(T::entry(found[i], rank(index, true)), 1));
-                    }
-                });
-            }
-        }
-        for &index in records.iter().filter(|&&index| !hides(index)) {
-            let rank = rank(index, self.list_opaque && mesh(index).opaque);
-            let cutoff = if self.list_opaque { T::from_f64(mesh(index).alpha_cutoff) } else { T::ZERO };
-            let whole = opaque.is_empty() && cutoff == T::ZERO;
-            for_each_span(record(index), region, |x, y, pixel, len| {
-                let found = self.keys(record(index), x, y);
-                if whole {
-                    runs.push(Run { pixel: pixel as u16, len: len as u16, rank });
-                    // All, then cut: a copy of fixed length is a few instructions, any other a call.
-                    let end = keys.len() + len;
-                    keys.extend_from_slice(&found);
-                    keys.truncate(end);
-                    return;
-                }
-                for i in (0..len).filter(|&i| self.passes(record(index), cutoff, x + i as i32, y, (0, 0))) {
-                    // A fragment at the opaque depth is kept.
-                    if opaque.is_empty() || found[i] <= T::key_of(opaque[pixel + i].entry()) {
-                        runs.push(Run { pixel: (pixel + i) as u16, len: 1, rank });
-                        keys.push(found[i]);
-                    }
-                }
-            });
-            if keys.len() > limit {
-                return false;
-            }
-        }
-        true
-    }
-
-    /// Keys of `SPAN` pixels from (x, y) to the right, whatever the span's length: a fixed number becomes a
-    /// few vector instructions. The projection is decided outside the loops for the same reason.
-    #[inline]
-    fn keys(&self, record: &Record<T>, x: i32, y: i32) -> [T::Key; SPAN] {
-        let mut keys = [T::Key::default(); SPAN];
-        // From the pixel itself, not by steps: a key must not depend on where its span begins.
-        let value = |i: usize| {
-            let (dx, dy) = offset(record, x + i as i32, y, (0, 0));
-            record.key_plane.at(dx, dy)
-        };
-        if self.setup.perspective {
-            for (i, key) in keys.iter_mut().enumerate() {
-                *key = sort_key(value(i), true);
-            }
-        } else {
-            for (i, key) in keys.iter_mut().enumerate() {
-                *key = sort_key(value(i), false);
-            }
-        }
-        keys
-    }
-
     pub fn passes(&self, record: &Record<T>, cutoff: T, x: i32, y: i32, at: Offset) -> bool {
         cutoff == T::ZERO || self.raw_color(record, x, y, at)[3] >= cutoff
     }
@@ -358,36 +280,12 @@ impl<T: Real> Walk<'_, T> {
     }
 }
 
-/// Pixels of a region's row, at most.
-const SPAN: usize = TILE as usize;
-
 /// From the record's anchor to a pixel's centre, or to what lies (kx, ky)/16 pixel from it.
 #[inline]
 pub fn offset<T: Real>(record: &Record<T>, x: i32, y: i32, (kx, ky): Offset) -> (T, T) {
     // Exact: a multiple of 1/16 below 2^15.
     let at = |i: i32, k: i32| T::from_i32(16 * i + 8 + k) * T::from_f64(1.0 / 16.0);
     (at(x, kx) - record.anchor[0], at(y, ky) - record.anchor[1])
-}
-
-/// Calls `span(x, y, pixel of the region, length)` for each row of pixel centres inside the record.
-#[inline]
-fn for_each_span<T>(record: &Record<T>, region: Region, mut span: impl FnMut(i32, i32, usize, usize)) {
-    let ((x0, x1), (y0, y1)) = (pixel_range(record.x, false), pixel_range(record.y, false));
-    let (from, to) = ((x0 - region.x0).max(0), (x1 + 1 - region.x0).min(region.w));
-    let (first, last) = ((y0 - region.y0).max(0), (y1 + 1 - region.y0).min(region.h));
-    if from >= to || first >= last {
-        return;
-    }
-    let edges = Edges::new(record, region.x0, region.y0);
-    let mut row = |j: i32, columns: Range<i32>| {
-        let pixel = (j * region.w + columns.start) as usize;
-        span(region.x0 + columns.start, region.y0 + j, pixel, columns.len());
-    };
-    if edges.contains(region.w, region.h) {
-        (0..region.h).for_each(|j| row(j, 0..region.w));
-    } else {
-        edges.spans(from..to, first..last, row);
-    }
 }
 
 /// A counting sort of the emitted fragments by pixel.

@@ -172,17 +172,24 @@ impl Lanes for Avx2 {
         avx2!(_mm256_xor_si256(a, _mm256_set1_epi32(-1)))
     }
     #[inline(always)]
-    fn joined(self, high: __m256i, low: __m256i) -> [i64; 8] {
-        let mut all = [[0_i64; 2]; 4];
-        avx2!({
+    unsafe fn scatter(self, values: &mut [i64], places: &[u32; 8], high: __m256i, low: __m256i) {
+        let at = values.as_mut_ptr();
+        // SAFETY: for the instructions as everywhere here; the caller promises that the places are in `values`.
+        unsafe {
             // Of each half of the register the first two, and the last two.
             let (first, last) = (_mm256_unpacklo_epi32(low, high), _mm256_unpackhi_epi32(low, high));
-            _mm_storeu_si128(all[0].as_mut_ptr().cast(), _mm256_castsi256_si128(first));
-            _mm_storeu_si128(all[1].as_mut_ptr().cast(), _mm256_castsi256_si128(last));
-            _mm_storeu_si128(all[2].as_mut_ptr().cast(), _mm256_extracti128_si256::<1>(first));
-            _mm_storeu_si128(all[3].as_mut_ptr().cast(), _mm256_extracti128_si256::<1>(last));
-        });
-        bytemuck::cast(all)
+            let pairs = [
+                _mm256_castsi256_pd(first),
+                _mm256_castsi256_pd(last),
+                _mm256_castpd128_pd256(_mm256_extractf128_pd::<1>(_mm256_castsi256_pd(first))),
+                _mm256_castpd128_pd256(_mm256_extractf128_pd::<1>(_mm256_castsi256_pd(last))),
+            ];
+            for i in 0..4 {
+                let pair = _mm256_castpd256_pd128(pairs[i]);
+                _mm_storel_pd(at.add(places[2 * i] as usize).cast(), pair);
+                _mm_storeh_pd(at.add(places[2 * i + 1] as usize).cast(), pair);
+            }
+        }
     }
     #[inline(always)]
     fn longs(self, values: [i64; 4]) -> __m256i {

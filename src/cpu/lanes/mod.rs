@@ -94,8 +94,11 @@ pub trait Lanes: Copy {
     /// Bits whose signed order is the order of the values; −0 counts as +0.
     fn orderable(self, a: Self::F32) -> Self::I32;
     fn not(self, a: Self::I32) -> Self::I32;
-    /// `high` above `low` in one integer each.
-    fn joined(self, high: Self::I32, low: Self::I32) -> [i64; 8];
+    /// Writes `high` above `low`, one integer a lane, to these places.
+    ///
+    /// # Safety
+    /// All must be places in `values`.
+    unsafe fn scatter(self, values: &mut [i64], places: &[u32; 8], high: Self::I32, low: Self::I32);
 
     fn longs(self, values: [i64; 4]) -> Self::I64;
     fn long_array(self, a: Self::I64) -> [i64; 4];

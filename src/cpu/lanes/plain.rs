@@ -138,8 +138,10 @@ impl Lanes for Plain {
         a.map(|v| !v)
     }
     #[inline(always)]
-    fn joined(self, high: [i32; 8], low: [i32; 8]) -> [i64; 8] {
-        std::array::from_fn(|i| i64::from(high[i]) << 32 | i64::from(low[i] as u32))
+    unsafe fn scatter(self, values: &mut [i64], places: &[u32; 8], high: [i32; 8], low: [i32; 8]) {
+        for i in 0..8 {
+            values[places[i] as usize] = i64::from(high[i]) << 32 | i64::from(low[i] as u32);
+        }
     }
     #[inline(always)]
     fn longs(self, values: [i64; 4]) -> [i64; 4] {

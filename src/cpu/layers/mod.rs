@@ -10,6 +10,7 @@
 //! They are compiled twice, for any processor and for AVX2; no operation is contracted or reordered, so
 //! that both give the same bits.
 
+mod colors;
 mod emit;
 mod network;
 mod shade;
@@ -26,13 +27,14 @@ use crate::cpu::lanes::Avx2;
 use crate::cpu::lanes::{Instructions, Lanes, Plain};
 use crate::fragments::Background;
 use crate::frame::{BlendOrder, Sort};
+use colors::Shades;
+use emit::{Append, Hide, InFront, Opaque};
 use network::QUAD;
-use shade::Shades;
 
 /// Pixels of a tile, and entries of a layer.
 const PIXELS: usize = (TILE * TILE) as usize;
 /// Sorts behind all entries; its lower half, the rank, names the shade of nothing.
-const NOTHING: i64 = i64::MAX << 32;
+const NOTHING: i64 = (i32::MAX as i64) << 32;
 /// The most layers that a tile is given.
 const MOST_LAYERS: usize = 256;
 /// What it is given first; fewer are not worth the while.
@@ -41,13 +43,24 @@ const LEAST_LAYERS: usize = 2 * network::LONGEST;
 const LOOK_EVERY: usize = 64;
 const LOOK_AFTER: usize = 8;
 
+#[derive(Debug)]
+struct Places([u32; PIXELS]);
+impl Default for Places {
+    fn default() -> Self {
+        Self(std::array::from_fn(|p| p as u32))
+    }
+}
+
 /// A thread's buffers for one tile.
 #[derive(Debug, Default)]
 pub struct Layers {
     /// Sort key and rank in one integer, smaller in front. Entry k of pixel p lies at k · `PIXELS` + p.
     entries: Vec<i64>,
     /// Where each pixel's next entry goes.
-    next: Vec<u32>,
+    next: Places,
+    /// What hides, in tiles where something does.
+    opaque: Option<Box<Opaque>>,
+    hides: bool,
     /// What each rank of the tile looks like. The last record has rank 0, since later triangles win ties.
     shades: Shades,
     /// One pixel's list, where it is longer than networks are.
@@ -59,15 +72,16 @@ pub struct Layers {
 impl Layers {
     pub fn bytes(&self) -> u64 {
         (self.entries.capacity() * size_of::<i64>()
-            + self.next.capacity() * size_of::<u32>()
+            + size_of::<Self>()
+            + self.opaque.as_ref().map_or(0, |_| size_of::<Opaque>())
             + self.list.capacity() * size_of::<[i64; 4]>()
             + self.records.capacity() * size_of::<Record<f32>>()) as u64
             + self.shades.bytes()
     }
 
     fn clear(&mut self) {
-        self.next.clear();
-        self.next.extend(0..PIXELS as u32);
+        self.next = Places::default();
+        self.hides = false;
     }
 
     /// Makes room for some more records, each of which adds at most one to each list. Returns for how many: 0 if
@@ -83,9 +97,20 @@ impl Layers {
         layers.saturating_sub(deepest + 1)
     }
 
+    /// Puts what hides at the end of the lists: composited last, an alpha of 1 lets nothing through.
+    fn append_opaque(&mut self) {
+        let Some(opaque) = self.opaque.as_ref().filter(|_| self.hides) else { return };
+        for (pixel, next) in self.next.0.iter_mut().enumerate() {
+            if let Some(entry) = opaque.entry(pixel) {
+                self.entries[*next as usize] = entry;
+                *next += PIXELS as u32;
+            }
+        }
+    }
+
     /// Fragments of the deepest pixel.
     fn deepest(&self) -> usize {
-        self.next.iter().max().map_or(0, |&next| next as usize / PIXELS)
+        self.next.0.iter().max().map_or(0, |&next| next as usize / PIXELS)
     }
 }
 
@@ -102,7 +127,6 @@ impl<'a> Quick<'a> {
     pub fn of(walk: &'a Walk<f32>, rules: &Rules, background: Background<'a, f32>) -> Option<Self> {
         let plain = walk.pattern.len() == 1
             && walk.sort == Sort::Auto
-            && !walk.hides
             && !walk.list_opaque
             && rules.limit.is_none()
             && !rules.resolve.mixes
@@ -160,9 +184,14 @@ impl<'a> Quick<'a> {
             shade::nothing(self, region, target);
             return true;
         }
-        if !self.emit(v, records, region, layers) {
+        if target.wants_behind() || !self.emit(v, records, region, layers) {
             return false;
         }
+        for j in 0..region.h as usize {
+            let row = &layers.next.0[j * TILE as usize..][..region.w as usize];
+            target.count(region.y0 + j as i32, row, PIXELS as u32);
+        }
+        layers.append_opaque();
         shade::resolve(v, self, region, layers, target);
         true
     }
@@ -179,6 +208,35 @@ impl<'a> Quick<'a> {
         }
     }
 
+    /// Finds what hides. `false` if that depends on more than coverage.
+    #[inline(always)]
+    fn hide(&self, v: impl Lanes, records: &[u32], region: Region, layers: &mut Layers) -> bool {
+        let opaque = layers.opaque.get_or_insert_with(|| Box::new(Opaque::none()));
+        **opaque = Opaque::none();
+        layers.hides = true;
+        for (i, &index) in records.iter().enumerate() {
+            let record = &self.walk.setup.records[index as usize];
+            let rank = 2 * records.len() - 1 - i; // behind translucent ones of equal depth
+            let mesh = &self.walk.meshes[record.mesh as usize];
+            let cutoff = mesh.alpha_cutoff as f32;
+            if !mesh.opaque || (cutoff != 0.0 && record.gradient == FLAT && record.color[3] < cutoff) {
+                continue;
+            }
+            if cutoff != 0.0 && record.gradient != FLAT {
+                return false;
+            }
+            layers.shades.set(rank, record, &self.walk.setup.gradients);
+            layers.shades.set_opaque(rank);
+            let hide = Hide(opaque, rank as u32);
+            if self.walk.setup.perspective {
+                emit::emit::<_, true>(v, record, region, hide);
+            } else {
+                emit::emit::<_, false>(v, record, region, hide);
+            }
+        }
+        true
+    }
+
     /// Fills the layers. `false` if there are too few, or if a triangle was cut.
     #[inline(always)]
     fn emit(&self, v: impl Lanes, records: &[u32], region: Region, layers: &mut Layers) -> bool {
@@ -192,7 +250,12 @@ impl<'a> Quick<'a> {
         let gradients = self.walk.setup.gradients.as_slice();
         let has_gradients =
             !gradients.is_empty() && records.iter().any(|&index| record(index).gradient != FLAT);
-        layers.shades.begin(records.len(), has_gradients);
+        let is_opaque = |record: &Record<f32>| self.walk.meshes[record.mesh as usize].opaque;
+        let hides = self.walk.hides && records.iter().any(|&index| is_opaque(record(index)));
+        layers.shades.begin(records.len() * if hides { 2 } else { 1 }, has_gradients);
+        if hides && !self.hide(v, records, region, layers) {
+            return false;
+        }
         let mut rest = records;
         while !rest.is_empty() {
             let room = layers.make_room(self.layers);
@@ -203,22 +266,26 @@ impl<'a> Quick<'a> {
             // Records lie far apart: copied together, they are waited for together.
             layers.records.clear();
             layers.records.extend(now.iter().map(|&index| *record(index)));
-            let Layers { entries, next, shades, records, .. } = layers;
+            let Layers { entries, next, shades, records, opaque, hides, .. } = layers;
+            let hidden = opaque.as_ref().filter(|_| *hides).map(|opaque| &opaque.keys);
             for (i, record) in records.iter().enumerate() {
+                if hidden.is_some() && is_opaque(record) {
+                    continue;
+                }
                 let rank = rest.len() - 1 - i;
                 shades.set(rank, record, gradients);
                 // SAFETY: there is room for `room` more entries of each list, each record adds at most one, and
                 // one layer is left over.
-                unsafe {
-                    if self.walk.setup.perspective {
-                        emit::emit::<_, true>(v, record, rank as u32, region, entries, next);
-                    } else {
-                        emit::emit::<_, false>(v, record, rank as u32, region, entries, next);
-                    }
+                let append = unsafe { Append::new(v, entries, &mut next.0, rank as u32) };
+                match (hidden, self.walk.setup.perspective) {
+                    (None, false) => emit::emit::<_, false>(v, record, region, append),
+                    (None, true) => emit::emit::<_, true>(v, record, region, append),
+                    (Some(keys), false) => emit::emit::<_, false>(v, record, region, InFront(keys, append)),
+                    (Some(keys), true) => emit::emit::<_, true>(v, record, region, InFront(keys, append)),
                 }
             }
             rest = later;
         }
-        true
+        !layers.hides || layers.make_room(self.layers) > 0
     }
 }

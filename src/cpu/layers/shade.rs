@@ -2,108 +2,15 @@
 
 use std::mem::MaybeUninit;
 
-use super::emit::inverse_w;
+use super::colors::{Color, OfFlat, OfPlanes};
 use super::network::{LONGEST, QUAD, sort, sort_long};
 use super::{Layers, NOTHING, PIXELS, Quick};
 use crate::cpu::entry::Listed;
 use crate::cpu::lanes::Lanes;
-use crate::cpu::plane::Plane;
 use crate::cpu::region::{Region, TILE};
-use crate::cpu::setup::{FLAT, Record};
 use crate::cpu::target::ImageTarget;
 use crate::fragments::Background;
 use crate::methods::exact;
-
-/// The colour planes of a triangle, a channel each; without slopes if it is flat.
-#[derive(Debug, Clone, Copy, Default)]
-struct Shade {
-    value: [f32; 4],
-    gx: [f32; 4],
-    gy: [f32; 4],
-    low: [f32; 4],
-    high: [f32; 4],
-    anchor: [f32; 2],
-}
-
-/// What the ranks of a tile look like, and behind them what nothing looks like.
-#[derive(Debug, Default)]
-pub struct Shades {
-    /// Straight RGBA, where the tile has no other triangles than flat ones.
-    flat: Vec<[f32; 4]>,
-    /// Else these.
-    planes: Vec<Shade>,
-    has_gradients: bool,
-    nothing: usize,
-}
-
-impl Shades {
-    pub fn bytes(&self) -> u64 {
-        (self.flat.capacity() * size_of::<[f32; 4]>() + self.planes.capacity() * size_of::<Shade>()) as u64
-    }
-
-    /// For ranks below `n`.
-    pub fn begin(&mut self, n: usize, has_gradients: bool) {
-        (self.has_gradients, self.nothing) = (has_gradients, n);
-        if has_gradients {
-            self.planes.resize(n + 1, Shade::default());
-            self.planes[n] = Shade::default();
-        } else {
-            self.flat.resize(n + 1, [0.0; 4]);
-            self.flat[n] = [0.0; 4];
-        }
-    }
-
-    #[inline(always)]
-    pub fn set(&mut self, rank: usize, record: &Record<f32>, gradients: &[[Plane<f32>; 4]]) {
-        if !self.has_gradients {
-            self.flat[rank] = record.color;
-            return;
-        }
-        let anchor = record.anchor;
-        self.planes[rank] = match gradients.get(record.gradient as usize) {
-            Some(planes) if record.gradient != FLAT => Shade {
-                value: planes.map(|p| p.value),
-                gx: planes.map(|p| p.gx),
-                gy: planes.map(|p| p.gy),
-                low: planes.map(|p| p.low),
-                high: planes.map(|p| p.high),
-                anchor,
-            },
-            // Clamped to one colour, whatever the planes give.
-            _ => Shade { low: record.color, high: record.color, anchor, ..Shade::default() },
-        };
-    }
-}
-
-/// Straight RGBA of the entries of two neighbours, the left one's centre at (x, y).
-trait Color {
-    fn pair<V: Lanes>(&self, v: V, entries: [i64; 2], x: f32, y: f32) -> V::F32;
-}
-
-struct OfFlat<'a>(&'a [[f32; 4]]);
-impl Color for OfFlat<'_> {
-    #[inline(always)]
-    fn pair<V: Lanes>(&self, v: V, [a, b]: [i64; 2], _: f32, _: f32) -> V::F32 {
-        v.pair(self.0[a as u32 as usize], self.0[b as u32 as usize])
-    }
-}
-
-struct OfPlanes<'a, const PERSPECTIVE: bool>(&'a [Shade]);
-impl<const PERSPECTIVE: bool> Color for OfPlanes<'_, PERSPECTIVE> {
-    #[inline(always)]
-    fn pair<V: Lanes>(&self, v: V, entries: [i64; 2], x: f32, y: f32) -> V::F32 {
-        let [a, b] = [&self.0[entries[0] as u32 as usize], &self.0[entries[1] as u32 as usize]];
-        let dx = v.pair([x - a.anchor[0]; 4], [x + 1.0 - b.anchor[0]; 4]);
-        let dy = v.pair([y - a.anchor[1]; 4], [y - b.anchor[1]; 4]);
-        let across = v.times_plus(v.pair(a.gx, b.gx), dx, v.pair(a.value, b.value));
-        let mut value = v.times_plus(v.pair(a.gy, b.gy), dy, across);
-        if PERSPECTIVE {
-            let inverse = v.pair([inverse_w(entries[0]); 4], [inverse_w(entries[1]); 4]);
-            value = v.mul(value, v.div(v.splat(1.0), inverse));
-        }
-        v.clamped(value, v.pair(a.low, b.low), v.pair(a.high, b.high))
-    }
-}
 
 /// Resolves every pixel of the tile.
 #[inline(always)]
@@ -117,7 +24,7 @@ pub fn resolve<V: Lanes, L: Listed<f32>>(
     let Layers { entries, next, shades, list, .. } = layers;
     let colors = (shades.flat.as_slice(), shades.planes.as_slice());
     let nothing = NOTHING | shades.nothing as i64;
-    let tile = Tile { quick, region, entries, next, nothing };
+    let tile = Tile { quick, region, entries, next: &next.0, nothing };
     match (shades.has_gradients, quick.walk.setup.perspective) {
         (false, _) => tile.resolve(v, &OfFlat(colors.0), list, target),
         (true, false) => tile.resolve(v, &OfPlanes::<false>(colors.1), list, target),
@@ -146,7 +53,7 @@ struct Tile<'a> {
     quick: &'a Quick<'a>,
     region: Region,
     entries: &'a [i64],
-    next: &'a [u32],
+    next: &'a [u32; PIXELS],
     /// What is put where a list is shorter than those beside it.
     nothing: i64,
 }
@@ -164,7 +71,6 @@ impl Tile<'_> {
         let Region { x0, y0, w, h } = self.region;
         for j in 0..h as usize {
             let (y, counts) = (y0 + j as i32, &self.next[j * tile..(j + 1) * tile]);
-            target.count(y, &counts[..w as usize], PIXELS as u32);
             for i in (0..w as usize).step_by(quad) {
                 let pixel = j * tile + i;
                 let mut lengths = [0; QUAD];

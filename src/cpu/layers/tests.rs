@@ -78,6 +78,17 @@ fn all_of(output: Output<f32>) -> All {
 
 /// Renders every way, compares, and returns the depth complexity.
 fn compare(positions: &[[f32; 3]], rate: Rate, perspective: bool, memory: Option<u64>) -> u32 {
+    compare_with(None, positions, rate, perspective, memory)
+}
+
+/// The same with every third triangle opaque where its alpha is not below a cutoff.
+fn compare_with(
+    cutoff: Option<f64>,
+    positions: &[[f32; 3]],
+    rate: Rate,
+    perspective: bool,
+    memory: Option<u64>,
+) -> u32 {
     let mut random = Lcg(5);
     let n = match rate {
         Rate::One => 1,
@@ -85,6 +96,7 @@ fn compare(positions: &[[f32; 3]], rate: Rate, perspective: bool, memory: Option
         Rate::Vertex | Rate::Corner => positions.len(),
     };
     let colors: Vec<[f32; 4]> = (0..n).map(|_| std::array::from_fn(|_| random.unit())).collect();
+    let behind: Vec<[f32; 4]> = (0..WIDTH * HEIGHT).map(|_| std::array::from_fn(|_| random.unit())).collect();
     let mesh = Mesh {
         positions: Positions::F32(positions),
         faces: None,
@@ -94,8 +106,15 @@ fn compare(positions: &[[f32; 3]], rate: Rate, perspective: bool, memory: Option
         cull: Cull::None,
         blend: 0,
     };
-    let scene = Scene::new(vec![mesh]).unwrap();
-    let behind: Vec<[f32; 4]> = (0..WIDTH * HEIGHT).map(|_| std::array::from_fn(|_| random.unit())).collect();
+    let mut meshes = vec![mesh];
+    let faces: Vec<[u32; 3]> = (0..positions.len() as u32).step_by(9).map(|i| [i, i + 1, i + 2]).collect();
+    if let Some(alpha_cutoff) = cutoff {
+        // In front of the translucent, at their depth, and behind them.
+        let colors = Colors { rate: Rate::Vertex, values: ColorValues::F32(&behind[..positions.len()]) };
+        meshes.insert(0, Mesh { faces: Some(&faces), colors, opaque: true, alpha_cutoff, ..mesh });
+        meshes.push(Mesh { alpha_cutoff: 0.0, ..meshes[0] });
+    }
+    let scene = Scene::new(meshes).unwrap();
     let mut deepest = 0;
     for background in [Background::Constant([0.5, 0.25, 1.0, 0.75]), Background::Image(&behind)] {
         let of = |instructions, sort| {
@@ -122,6 +141,17 @@ fn all_ways_give_the_same_bits() {
     }
     // More than there are layers.
     assert!(compare(&Lcg(1).soup(1500, 3.0, 1.0), Rate::Face, false, None) > 255);
+}
+
+#[test]
+fn opaque_surfaces_hide_the_same() {
+    for perspective in [false, true] {
+        for cutoff in [0.0, 0.6] {
+            for rate in [Rate::One, Rate::Face, Rate::Vertex] {
+                compare_with(Some(cutoff), &Lcg(4).soup(90, 0.5, 1.0), rate, perspective, None);
+            }
+        }
+    }
 }
 
 #[test]

@@ -4,6 +4,8 @@
 //! Coverage comes from vertices snapped to 1/256 pixel, so that it is integer and watertight.
 
 mod eight;
+#[cfg(test)]
+mod eight_tests;
 mod triangle;
 
 use glam::DVec4;
