@@ -37,7 +37,9 @@ const PIXELS: usize = (TILE * TILE) as usize;
 const NOTHING: i64 = (i32::MAX as i64) << 32;
 /// The most layers that a tile is given.
 const MOST_LAYERS: usize = 256;
-/// What it is given first; fewer are not worth the while.
+/// What it is given first. Doubled as needed, so that networks of up to 8 and 16 entries find as many.
+const FIRST_LAYERS: usize = 4;
+/// What memory must allow for.
 const LEAST_LAYERS: usize = 2 * network::LONGEST;
 /// Records that are emitted between two looks at how deep the tile has become, at most, and at least.
 const LOOK_EVERY: usize = 64;
@@ -84,14 +86,14 @@ impl Layers {
         self.hides = false;
     }
 
-    /// Makes room for some more records, each of which adds at most one to each list. Returns for how many: 0 if
-    /// `limit` layers do not hold that.
-    fn make_room(&mut self, limit: usize) -> usize {
+    /// Makes room for `wanted` more records or so, each of which adds at most one to each list. Returns for how many
+    /// there is: 0 if `limit` layers do not hold that.
+    fn make_room(&mut self, wanted: usize, limit: usize) -> usize {
         let deepest = self.deepest();
         // One layer is where pixels with full lists are written to.
         let mut layers = self.entries.len() / PIXELS;
-        if layers < limit && layers < deepest + 1 + LOOK_AFTER {
-            layers = (2 * layers).clamp(LEAST_LAYERS, limit);
+        if layers < limit && layers < deepest + 1 + wanted {
+            layers = (2 * layers).clamp(FIRST_LAYERS, limit);
             self.entries.resize(layers * PIXELS, NOTHING);
         }
         layers.saturating_sub(deepest + 1)
@@ -180,11 +182,14 @@ impl<'a> Quick<'a> {
         layers: &mut Layers,
         target: &mut ImageTarget<'_, '_, f32, L>,
     ) -> bool {
+        if target.wants_behind() {
+            return false;
+        }
         if records.is_empty() {
             shade::nothing(self, region, target);
             return true;
         }
-        if target.wants_behind() || !self.emit(v, records, region, layers) {
+        if !self.emit(v, records, region, layers) {
             return false;
         }
         for j in 0..region.h as usize {
@@ -258,7 +263,7 @@ impl<'a> Quick<'a> {
         }
         let mut rest = records;
         while !rest.is_empty() {
-            let room = layers.make_room(self.layers);
+            let room = layers.make_room(rest.len().min(LOOK_AFTER), self.layers);
             if room == 0 {
                 return false;
             }
@@ -286,6 +291,6 @@ impl<'a> Quick<'a> {
             }
             rest = later;
         }
-        !layers.hides || layers.make_room(self.layers) > 0
+        !layers.hides || layers.make_room(1, self.layers) > 0
     }
 }
