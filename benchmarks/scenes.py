@@ -16,6 +16,12 @@ RANDOM = {
     "1M of ~4 px": (1920, 1080, 1_000_000, 4),
     "1500 of ~400 px": (1920, 1080, 1500, 400),
 }
+# The six that tiles are measured by.
+SIX = {name: RANDOM[name] for name in ("20k of ~20 px", "200k of ~6 px", "1M of ~4 px")} | {
+    "200 of ~400 px": (1920, 1080, 200, 400),
+    "1500 of ~400 px": (1920, 1080, 1500, 400),
+    "4M of ~3 px": (1920, 1080, 4_000_000, 3),
+}
 ALPHA = 80 / 255
 # Layers of cells are thin, so that hundreds of them let something through.
 LAYER_ALPHA = 0.1
@@ -23,13 +29,13 @@ LAYER_ALPHA = 0.1
 CELL = 8
 
 
-def random_triangles(name, seed=0, scale=1.0):
-    """A scene of RANDOM. Scaled down, small triangles become fewer, large ones smaller.
+def random_triangles(name, seed=0, scale=1.0, table=RANDOM):
+    """A scene of RANDOM, or of another table. Scaled down, small triangles become fewer, large ones smaller.
 
     A centre uniform over the viewport, three vertices uniform within ±size pixels of it, depth uniform in
     [0, 1) per vertex, flat random colours, alpha 80/255.
     """
-    width, height, count, size = RANDOM[name]
+    width, height, count, size = table[name]
     width, height = (round(side * scale**0.5) for side in (width, height))
     count, size = (round(count * scale), size) if size < 100 else (count, size * scale**0.5)
     mesh = ab.Mesh(**_soup(count, size, width, height, np.random.default_rng(seed)))

@@ -124,6 +124,8 @@ pub struct Stats {
     pub bands: usize,
     pub bytes: Vec<(&'static str, u64)>,
     pub ms: Vec<(Cow<'static, str>, f64)>,
+    /// From the first begin to the last end of a GPU's stages, clears included; where one submission has them all.
+    pub gpu_ms: Option<f64>,
     pub device: String,
     /// Choices that were made on the way: what, which, why.
     pub plan: Vec<(&'static str, String, String)>,

@@ -20,6 +20,22 @@ pub fn on_cpu<T: cpu::Precision>(
     threads()?.install(|| cpu::render(scene, camera, request, background))
 }
 
+/// Measures frames of tiles and of plain blending in turns (see [`gpu::measure`]).
+pub fn measure(
+    adapter: usize,
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: Background<f32>,
+    frames: usize,
+) -> Result<[gpu::Times; 2]> {
+    request.check(&background)?;
+    let gpu = gpu::device::open(adapter)?;
+    gpu.exclusively(|| {
+        gpu.checked("measuring", || gpu::measure(&gpu, scene, camera, request, &background, frames))
+    })
+}
+
 /// Renders on the adapter at this place of [`gpu::device::adapters`].
 pub fn on_gpu(
     adapter: usize,

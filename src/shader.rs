@@ -84,6 +84,18 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "tiles/keep",
     "tiles/hidden",
     "tiles/hidden_none",
+    "tiles/classes",
+    "tiles/start",
+    "tiles/resolve",
+    "tiles/gather_masks",
+    "tiles/gather_staged",
+    "tiles/composite_staged",
+    "tiles/gather_triangles",
+    "tiles/widest",
+    "tiles/widest_subgroup",
+    "tiles/opaque_read",
+    "tiles/opaque_none",
+    "tiles/blending",
 ];
 
 /// A module's text, and where each file starts in it.

@@ -255,7 +255,7 @@ def test_a_small_memory_gives_the_same_bits(pipeline):
     camera = ab.Camera(*scenes.front_camera(100 / 90))
     large = pipeline.render(scene, camera, **size)
     # Enough for the fullest tile (the CPU bins triangles, the GPU stores nodes), too little for the image.
-    memory = "1.5MB" if pipeline is GPU else "40kB"
+    memory = "1.5MB" if pipeline.device == "gpu" else "40kB"
     small = pipeline.render(scene, camera, memory=memory, **size)
     assert small.stats.bands > 1
     assert large.stats.bands == 1

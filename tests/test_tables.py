@@ -190,7 +190,10 @@ def test_auto_is_the_best_real_gpu(machine):
     machine(LARGE, SMALL, SOFTWARE)
     place, plan = chosen()
     assert place == 0
-    assert plan == {"device": ("Voodoo 2 SLI", "the best real GPU"), "pipeline": ("linked_list", "the GPU's")}
+    assert plan == {
+        "device": ("Voodoo 2 SLI", "the best real GPU"),
+        "pipeline": ("linked_list", "the GPU's, for lists, samples and blend modes"),
+    }
 
 
 def test_auto_passes_over_a_gpu_that_lacks_what_is_needed(machine):
@@ -348,6 +351,14 @@ def test_a_pipeline_of_gpus_on_the_cpu_is_a_wrong_argument(machine, pipeline):
         text = refused(ab.ParameterError, pipeline=pipeline, **kw)
         assert f'"{pipeline}" needs a GPU' in text
         assert 'device="gpu"' in text
+
+
+def test_a_real_gpu_takes_tiles_for_what_nothing_lists_and_a_software_driver_lists(machine):
+    machine(LARGE, SOFTWARE)
+    assert chosen("gpu", lists=False)[1]["pipeline"][0] == "tiles"
+    assert chosen("gpu", lists=True)[1]["pipeline"][0] == "linked_list"
+    assert chosen("softpipe", lists=False)[1]["pipeline"][0] == "linked_list"
+    assert chosen("gpu", pipeline="prefix_sum", lists=False)[1]["pipeline"] == ("prefix_sum", "as asked")
 
 
 def test_tiles_run_on_a_gpu_that_is_asked_for(machine):

@@ -26,6 +26,7 @@ class Stats:
     bytes: dict = field(default_factory=dict)  # held at most, per use
     ms: dict = field(default_factory=dict)  # per stage, in the order they ran
     device: str = ""
+    gpu_ms: float | None = None  # from the first begin to the last end of a GPU's stages, where one submission has all
 
     def __str__(self):
         stages = ", ".join(f"{stage} {ms:.2f}" for stage, ms in self.ms.items())

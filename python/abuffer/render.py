@@ -105,7 +105,8 @@ def render(
     plan = []
     meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
     own = own_blends(mesh.blend for mesh in meshes)
-    wants = tables.Wants(samples=samples, numpy=any(blend.wgsl is None for blend in own))
+    listed = fragments in (True, "all") or samples > 1 or any(mesh.blend != "over" for mesh in meshes) or bool(options)
+    wants = tables.Wants(samples=samples, numpy=any(blend.wgsl is None for blend in own), lists=listed)
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
     request = all_of(options, pipeline) | {

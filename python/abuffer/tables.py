@@ -108,6 +108,7 @@ class Wants(NamedTuple):
 
     samples: int = 1  # a pixel
     numpy: bool = False  # a Blend that has nothing for GPUs
+    lists: bool = True  # something that needs stored lists, or chooses how they are stored
 
 
 def choose(pipeline, device, precision, environment, plan, wants=None):
@@ -136,8 +137,16 @@ def choose(pipeline, device, precision, environment, plan, wants=None):
     found = _adapters()[adapter]
     software = ", a software driver" if found["kind"] == "software" else ""
     plan.append(("device", f"{found['name']}{software}", why))
-    # Measured, with lists returned too: prefix_sum takes 0.93 to 1.32 times as long on an H100.
-    pipeline, reason = ("linked_list", "the GPU's") if pipeline == "auto" else (pipeline, "as asked")
+    # Measured on an H100 (benchmarks/RESULTS.md): tiles take a fifteenth to a fortieth of linked_list's GPU time; on
+    # Mesa's llvmpipe up to five times as long. With lists returned prefix_sum takes 0.93 to 1.32 times as long.
+    if pipeline != "auto":
+        reason = "as asked"
+    elif wants.lists:
+        pipeline, reason = "linked_list", "the GPU's, for lists, samples and blend modes"
+    elif found["kind"] == "software":
+        pipeline, reason = "linked_list", "a software driver takes longer for tiles"
+    else:
+        pipeline, reason = "tiles", "the GPU's, for an image of fragments that nothing lists"
     plan.append(("pipeline", pipeline, reason))
     return adapter, pipeline
 

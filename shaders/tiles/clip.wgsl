@@ -121,16 +121,15 @@ fn clip(index: u32) {
         reject(index);
         return;
     }
-    let first = atomicAdd(&counters.pieces, found);
+    let first = take_pieces(found);
     if first + found > eye.piece_capacity {
         return; // the host makes room, and starts again
     }
     for (var k = 0u; k < found; k++) {
         pieces[first + k] = own[k];
     }
-    let flags = VISIBLE | CLIPPED | flags_of(t, mesh, anchor);
-    let box = array<i32, 6>(low.x, low.y, high.x, high.y, i32(first), i32(found));
-    rasters[index] = Raster(box, flags, colors_of(index, mesh));
+    let raster = Raster(vec4i(i32(first), i32(found), 0, 0), vec4i(0, 0, 0, i32(PIECES)));
+    write_raster(index, t, mesh, anchor, box_of(low, high), 0.5, raster);
 }
 
 // A fixed number of workgroups take turns: mostly there is nothing to clip.

@@ -50,6 +50,28 @@ fn edges_of(corners: array<i32, 6>, x0: i32, y0: i32) -> Edges {
     return e;
 }
 
+fn flags_of(r: Raster) -> u32 {
+    return bitcast<u32>(r.values.w);
+}
+
+// The edges of a triangle without pieces, relative to the pixel (x0, y0). Within its box, grown by less than a bin,
+// everything fits 32 bits: slopes are below 2^18, and distances below 2^11.
+fn edges_at_pixel(r: Raster, box: vec4i, x0: i32, y0: i32) -> Edges {
+    var e: Edges;
+    e.a = vec3i(r.slopes.xy, -r.slopes.x - r.slopes.y);
+    e.b = vec3i(r.slopes.zw, -r.slopes.z - r.slopes.w);
+    e.q = r.values.xyz + e.a * (x0 - box.x) + e.b * (y0 - box.y);
+    if SAMPLES > 1u {
+        let flags = flags_of(r);
+        e.r = vec3i(
+            i32((flags >> REST_SHIFT) & 15u),
+            i32((flags >> (REST_SHIFT + 4u)) & 15u),
+            i32(flags >> LAST_REST_SHIFT),
+        );
+    }
+    return e;
+}
+
 // No pixel of the first w × h can be inside.
 fn misses(e: Edges, w: i32, h: i32) -> bool {
     var most = e.q + max(e.a * (w - 1), vec3i(0)) + max(e.b * (h - 1), vec3i(0));

@@ -25,7 +25,7 @@ fn mask_of(e: Edges, i: i32, j: i32) -> u32 {
 
 // The union over the pieces of a triangle.
 fn coverage(n: u32, i: i32, j: i32, x0: i32, y0: i32) -> u32 {
-    if (items[n].flags & CLIPPED) == 0u {
+    if items[n].piece_count == 0 {
         return mask_of(items[n].edges, i, j);
     }
     var mask = 0u;
@@ -57,7 +57,7 @@ fn walk(tile: vec2u, local: u32) {
     let is_inside = pixel.x < view.width && pixel.y < view.height;
     let center = vec2f(pixel) + 0.5;
     if local == 0u {
-        let span = tiles[tile.y * window.tiles_x + tile.x];
+        let span = tiles[(tile.y - window.first_row) * window.tiles_x + tile.x];
         let first = min(window.first, span.count);
         shared_span = Span(span.first + first, min(span.count - first, window.count));
     }
@@ -82,9 +82,9 @@ fn is_opaque(n: u32) -> bool {
 }
 
 fn color_in(n: u32, at: vec2f) -> vec4f {
-    return color_at(items[n].id, items[n].flags, items[n].colors, items[n].key, at);
+    return color_at(items[n].id, items[n].flags, items[n].key, at);
 }
 
 fn passes(n: u32, color: vec4f) -> bool {
-    return (items[n].flags & CUT_OUT) == 0u || color.a >= items[n].key.alpha_cutoff;
+    return (items[n].flags & CUT_OUT) == 0u || color.a >= items[n].key.rest.w;
 }

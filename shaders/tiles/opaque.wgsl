@@ -31,8 +31,9 @@ fn visit(n: u32, pixel: vec2u, center: vec2f, mask: u32) {
 
 @compute @workgroup_size(256)
 fn cs_opaque(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    let tile = group.xy + vec2u(0u, window.first_row);
     if window.first == 0u {
-        let pixel = vec2u(group.x * 16u + local % 16u, group.y * 16u + local / 16u);
+        let pixel = tile * 16u + vec2u(local % 16u, local / 16u);
         if pixel.x < view.width && pixel.y < view.height {
             for (var s = 0u; s < SAMPLES; s++) {
                 let slot = (pixel.y * view.width + pixel.x) * SAMPLES + s;
@@ -42,5 +43,5 @@ fn cs_opaque(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
             }
         }
     }
-    walk(group.xy, local);
+    walk(tile, local);
 }

@@ -50,6 +50,12 @@ struct MeshInfo {
 @group(0) @binding(10) var<storage, read_write> pieces: array<array<i32, 6>>;
 @group(0) @binding(11) var<storage, read_write> clip_list: array<u32>;
 @group(0) @binding(12) var<storage, read_write> counters: Counters;
+@group(0) @binding(13) var<storage, read_write> boxes: array<vec2u>;
+// Where a triangle's colours begin.
+@group(0) @binding(14) var<storage, read_write> color_starts: array<u32>;
+
+// For cs_clear alone.
+@group(0) @binding(15) var<storage, read_write> class_words: array<u32>;
 
 struct Corner {
     x: f32,
@@ -172,6 +178,7 @@ fn snapped(at: vec2f) -> vec2i {
 
 struct Piece {
     corners: array<i32, 6>,
+    box: vec4i,
     is_visible: bool,
 }
 
@@ -191,7 +198,8 @@ fn visible_piece(a: vec2i, b: vec2i, c: vec2i, is_flipped: bool, cull: u32) -> P
     let low = min(a, min(b, c));
     let high = max(a, max(b, c));
     let is_culled = (cull == 1u && !is_front) || (cull == 2u && is_front);
-    p.is_visible = (area.x | area.y) != 0u && !is_culled && !is_empty(box_of(low, high));
+    p.box = box_of(low, high);
+    p.is_visible = (area.x | area.y) != 0u && !is_culled && !is_empty(p.box);
     return p;
 }
 
@@ -264,7 +272,7 @@ fn write_planes(index: u32, t: Triangle, low: f32, high: f32, mesh: MeshInfo) ->
         return 3u;
     }
     let place = on_screen(at);
-    key_planes[index] = KeyPlane(value, g.x, g.y, low, high, place.x, place.y, mesh.alpha_cutoff);
+    key_planes[index] = KeyPlane(vec4f(value, g, low), vec4f(high, place, mesh.alpha_cutoff));
     if (mesh.flags & GRADIENT) != 0u {
         slopes[index] = vec4f(along_b, along_c);
     }
@@ -282,8 +290,20 @@ fn key_value(c: Corner) -> f32 {
     return c.depth;
 }
 
-fn flags_of(t: Triangle, mesh: MeshInfo, anchor: u32) -> u32 {
-    return mesh.flags | (t.order << ORDER_SHIFT) | (anchor << ANCHOR_SHIFT);
+// What is written last, once everything else of the triangle is.
+fn write_raster(index: u32, t: Triangle, mesh: MeshInfo, anchor: u32, box: vec4i, share: f32, raster: Raster) {
+    var r = raster;
+    r.values.w |= bitcast<i32>(mesh.flags | (t.order << ORDER_SHIFT) | (anchor << ANCHOR_SHIFT));
+    rasters[index] = r;
+    if !COLORS_BY_TRIANGLE {
+        color_starts[index] = colors_of(index, mesh);
+    }
+    boxes[index] = packed_box(box, share);
+}
+
+// Room for a triangle's pieces; what exceeds it is counted.
+fn take_pieces(n: u32) -> u32 {
+    return atomicAdd(&counters.pieces, n);
 }
 
 fn colors_of(index: u32, mesh: MeshInfo) -> u32 {
@@ -296,8 +316,27 @@ fn colors_of(index: u32, mesh: MeshInfo) -> u32 {
 }
 
 fn reject(index: u32) {
-    rasters[index].flags = 0u;
+    boxes[index] = EMPTY_BOX;
     atomicAdd(&counters.rejected, 1u);
+}
+
+// What stages count: cleared at the start, never at the end, since a frame must not depend on the one before it.
+@compute @workgroup_size(64)
+fn cs_clear(@builtin(local_invocation_index) local: u32) {
+    if local < arrayLength(&class_words) {
+        class_words[local] = 0u;
+    }
+    if local == 0u {
+        atomicStore(&counters.rejected, 0u);
+        atomicStore(&counters.to_clip, 0u);
+        atomicStore(&counters.pieces, 0u);
+        atomicStore(&counters.bin_entries, 0u);
+        atomicStore(&counters.tile_entries, 0u);
+        atomicStore(&counters.longest, 0u);
+    }
+    if local < 4u {
+        atomicStore(&counters.box[local], 0u);
+    }
 }
 
 @compute @workgroup_size(256)
@@ -318,11 +357,11 @@ fn cs_setup(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
         return;
     }
     if is_outside(t) {
-        rasters[index].flags = 0u;
+        boxes[index] = EMPTY_BOX;
         return;
     }
     if !needs_no_clipping(a) || !needs_no_clipping(b) || !needs_no_clipping(c) {
-        rasters[index].flags = 0u;
+        boxes[index] = EMPTY_BOX;
         clip_list[atomicAdd(&counters.to_clip, 1u)] = index;
         return;
     }
@@ -335,7 +374,7 @@ fn cs_setup(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     }
     let piece = visible_piece(snapped(pa), snapped(pb), snapped(pc), t.is_flipped, mesh.cull);
     if !piece.is_visible {
-        rasters[index].flags = 0u;
+        boxes[index] = EMPTY_BOX;
         return;
     }
     let ka = key_value(a);
@@ -346,5 +385,31 @@ fn cs_setup(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
         reject(index);
         return;
     }
-    rasters[index] = Raster(piece.corners, VISIBLE | flags_of(t, mesh, anchor), colors_of(index, mesh));
+    let p = array<vec2i, 3>(
+        vec2i(piece.corners[0], piece.corners[1]),
+        vec2i(piece.corners[2], piece.corners[3]),
+        vec2i(piece.corners[4], piece.corners[5]),
+    );
+    let low = min(p[0], min(p[1], p[2]));
+    let high = max(p[0], max(p[1], p[2]));
+    let size = high - low;
+    if max(size.x, size.y) >= LARGEST {
+        let first = take_pieces(1u);
+        if first < eye.piece_capacity {
+            pieces[first] = piece.corners;
+            let raster = Raster(vec4i(i32(first), 1, 0, 0), vec4i(0, 0, 0, i32(PIECES)));
+            write_raster(index, t, mesh, anchor, piece.box, 0.5, raster);
+        }
+        return;
+    }
+    let e = edges_of(piece.corners, piece.box.x, piece.box.y);
+    let rests = (e.r.x << REST_SHIFT) | (e.r.y << (REST_SHIFT + 4u)) | (e.r.z << LAST_REST_SHIFT);
+    let doubled_area = abs(f32(e.a.x) * f32(e.b.y) - f32(e.a.y) * f32(e.b.x));
+    let pixels = vec2f(piece.box.zw - piece.box.xy + 1);
+    let share = doubled_area / (131072.0 * pixels.x * pixels.y);
+    let raster = Raster(vec4i(e.a.xy, e.b.xy), vec4i(e.q, rests));
+    write_raster(index, t, mesh, anchor, piece.box, share, raster);
 }
+
+// 1,024 pixels in 1/256: slopes of larger triangles do not fit 32 bits with all that is done with them.
+const LARGEST = 262144;

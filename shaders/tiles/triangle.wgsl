@@ -1,25 +1,22 @@
 // Triangles as setup leaves them: snapped corners, and the planes of the unsnapped triangle.
 
+// Vectors, so that one load brings four words.
 struct Raster {
-    // 1/256 pixel, in the order that makes the area positive with y down. Of a triangle that was clipped: its box
-    // (x0, y0, x1, y1), its first piece, and how many there are.
-    corners: array<i32, 6>,
-    flags: u32,
-    // Where its colours begin (see color.wgsl).
-    colors: u32,
+    // Edge functions relative to the centre of the first pixel of the triangle's box, in 1/256 pixel: the slopes a₀, a₁,
+    // b₀, b₁ (the third edge's are what makes their sum 0) …
+    slopes: vec4i,
+    // … the three values, floored to whole 256ths, and the flags. Of a triangle whose flags say PIECES: the first of
+    // its pieces, and how many there are.
+    values: vec4i,
 }
 
 // What the sort key is made from, 1/w under a perspective, else the eye depth: a plane around the anchor, and the
 // range of the corners.
 struct KeyPlane {
-    value: f32,
-    gx: f32,
-    gy: f32,
-    low: f32,
-    high: f32,
-    anchor_x: f32,
-    anchor_y: f32,
-    alpha_cutoff: f32,
+    // value, gx, gy, low
+    plane: vec4f,
+    // high, anchor x and y, and the alpha below which fragments are discarded
+    rest: vec4f,
 }
 
 // What stages count on the way.
@@ -40,8 +37,8 @@ struct Counters {
 
 const TOO_LONG = 0xffffffffu;
 
-const VISIBLE = 1u;
-const CLIPPED = 2u;
+// Its corners lie aside: it was clipped, or is too large for slopes of 32 bits.
+const PIECES = 2u;
 // Its corners differ in colour.
 const GRADIENT = 4u;
 // Colours lie side by side, three a triangle; else they are its vertices'.
@@ -53,21 +50,31 @@ const CUT_OUT = 32u;
 const ORDER_SHIFT = 8u;
 // Which of those the planes are anchored at.
 const ANCHOR_SHIFT = 14u;
+// What flooring the three values left, in 1/16 pixel: four bits each.
+const REST_SHIFT = 16u;
+const LAST_REST_SHIFT = 28u;
 const BLEND_SHIFT = 24u;
 
 const TILE = 16;
 
-// Pixels that may be covered: x0, y0, x1, y1, inclusive and cut to the viewport (src/cpu/setup.rs, pixel_box).
-fn pixel_box(r: Raster) -> vec4i {
-    var low = vec2i(r.corners[0], r.corners[1]);
-    var high = vec2i(r.corners[2], r.corners[3]);
-    if (r.flags & CLIPPED) == 0u {
-        let third = vec2i(r.corners[4], r.corners[5]);
-        let first = low;
-        low = min(first, min(high, third));
-        high = max(first, max(high, third));
-    }
-    return box_of(low, high);
+// Pixels that may be covered, inclusive and cut to the viewport, in 14 bits each: x0, y0, then x1, y1; above them four
+// bits each of the share of the box that the triangle covers. Nothing where x0 is over x1.
+fn packed_box(box: vec4i, share: f32) -> vec2u {
+    let b = vec4u(box);
+    let s = u32(clamp(share, 0.0, 1.0) * 255.0);
+    return vec2u(b.x | (b.y << 14u) | ((s & 15u) << 28u), b.z | (b.w << 14u) | ((s >> 4u) << 28u));
+}
+
+const EMPTY_BOX = vec2u(1u, 0u);
+
+fn unpacked_box(p: vec2u) -> vec4i {
+    let b = p & vec2u(0x3fffu);
+    let c = (p >> vec2u(14u)) & vec2u(0x3fffu);
+    return vec4i(i32(b.x), i32(c.x), i32(b.y), i32(c.y));
+}
+
+fn share_of(p: vec2u) -> f32 {
+    return f32((p.x >> 28u) | ((p.y >> 28u) << 4u)) / 255.0;
 }
 
 fn box_of(low: vec2i, high: vec2i) -> vec4i {

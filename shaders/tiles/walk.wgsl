@@ -10,6 +10,8 @@
 @group(0) @binding(7) var<storage, read> colors: array<vec4f>;
 @group(0) @binding(8) var<storage, read> tiles: array<Span>;
 @group(0) @binding(9) var<storage, read> tile_entries: array<u32>;
+@group(0) @binding(10) var<storage, read> boxes: array<vec2u>;
+@group(0) @binding(11) var<storage, read> color_starts: array<u32>;
 
 struct Span {
     first: u32,
@@ -21,7 +23,13 @@ struct Window {
     first: u32,
     count: u32,
     tiles_x: u32,
-    pad: u32,
+    // Room for parts of one class.
+    parts: u32,
+    // The first row of tiles that there are lists of.
+    first_row: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Item {
@@ -29,7 +37,6 @@ struct Item {
     key: KeyPlane,
     id: u32,
     flags: u32,
-    colors: u32,
     first_piece: i32,
     piece_count: i32,
 }
@@ -39,26 +46,42 @@ fn item_of(id: u32, x0: i32, y0: i32) -> Item {
     var item: Item;
     item.key = key_planes[id];
     item.id = id;
-    item.flags = r.flags;
-    item.colors = r.colors;
-    if (r.flags & CLIPPED) == 0u {
-        item.edges = edges_of(r.corners, x0, y0);
+    item.flags = flags_of(r);
+    if (item.flags & PIECES) == 0u {
+        item.edges = edges_at_pixel(r, unpacked_box(boxes[id]), x0, y0);
+    } else if r.slopes.y == 1 {
+        item.edges = edges_of(pieces[r.slopes.x], x0, y0);
     } else {
-        item.first_piece = r.corners[4];
-        item.piece_count = r.corners[5];
+        item.first_piece = r.slopes.x;
+        item.piece_count = r.slopes.y;
     }
     return item;
 }
 
+// Whether one of several pieces covers a pixel of the tile.
+fn pieces_cover(first: i32, count: i32, corner: vec2i, place: vec2i) -> bool {
+    var found = false;
+    for (var p = 0; p < count; p++) {
+        let edges = edges_of(pieces[first + p], corner.x, corner.y);
+        let e = edges.q + edges.a * place.x + edges.b * place.y;
+        found |= (e.x | e.y | e.z) >= 0;
+    }
+    return found;
+}
+
 // The value that the key is made from, at a position in pixels.
 fn value_at(k: KeyPlane, at: vec2f) -> f32 {
-    let d = at - vec2f(k.anchor_x, k.anchor_y);
-    return clamped(k.value + product(k.gx, d.x) + product(k.gy, d.y), k.low, k.high);
+    let d = at - k.rest.yz;
+    return clamped(k.plane.x + product(k.plane.y, d.x) + product(k.plane.z, d.y), k.plane.w, k.rest.x);
 }
 
 // Straight RGBA.
-fn color_at(id: u32, flags: u32, first: u32, k: KeyPlane, at: vec2f) -> vec4f {
-    if (flags & GRADIENT) == 0u {
+fn color_at(id: u32, flags: u32, k: KeyPlane, at: vec2f) -> vec4f {
+    if COLORS_BY_TRIANGLE {
+        return colors[id];
+    }
+    let first = color_starts[id];
+    if !HAS_GRADIENTS || (flags & GRADIENT) == 0u {
         return colors[first];
     }
     var corner = array<vec4f, 3>();
@@ -72,10 +95,10 @@ fn color_at(id: u32, flags: u32, first: u32, k: KeyPlane, at: vec2f) -> vec4f {
     }
     // Barycentric coordinates over w are planes too: 1/w at their own corner, 0 at the others.
     let anchor = (flags >> ANCHOR_SHIFT) & 3u;
-    let d = at - vec2f(k.anchor_x, k.anchor_y);
+    let d = at - k.rest.yz;
     let slope = slopes[id];
     let perspective = view.perspective == 1u;
-    let own = select(1.0, k.value, perspective);
+    let own = select(1.0, k.plane.x, perspective);
     let w = select(1.0, 1.0 / value_at(k, at), perspective);
     let b = saturate((select(0.0, own, anchor == 1u) + dot(slope.xy, d)) * w);
     let c = clamp((select(0.0, own, anchor == 2u) + dot(slope.zw, d)) * w, 0.0, 1.0 - b);

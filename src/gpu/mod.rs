@@ -22,5 +22,27 @@ mod uniforms;
 mod unrolled;
 mod upload;
 mod variant;
+mod view;
 
-pub use linked_list::render;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::fragments::Background;
+use crate::frame::{Output, Request};
+use crate::scene::Scene;
+use device::Gpu;
+
+pub use tiles::{Times, measure};
+
+/// Renders with the pipeline that is asked for.
+pub fn render(
+    gpu: &Gpu,
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: Background<f32>,
+) -> Result<Output<f32>> {
+    match tiles::render(gpu, scene, camera, request, &background)? {
+        Some(output) => Ok(output),
+        None => linked_list::render(gpu, scene, camera, request, background),
+    }
+}

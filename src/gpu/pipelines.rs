@@ -370,7 +370,7 @@ pub fn compile(gpu: &Gpu, name: &str, composed: &Composed) -> Result<wgpu::Shade
     })
 }
 
-fn pipeline_layout(gpu: &Gpu, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
+pub fn pipeline_layout(gpu: &Gpu, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
     let groups: Vec<_> = groups.iter().map(|g| Some(*g)).collect();
     gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
@@ -385,12 +385,34 @@ pub fn compute(
     entry: &str,
     groups: &[&wgpu::BindGroupLayout],
 ) -> wgpu::ComputePipeline {
+    compute_with(gpu, module, entry, groups, wgpu::PipelineCompilationOptions::default())
+}
+
+/// For shaders that write all workgroup memory before they read it: what clears it takes longer than they do.
+pub fn compute_uncleared(
+    gpu: &Gpu,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    groups: &[&wgpu::BindGroupLayout],
+) -> wgpu::ComputePipeline {
+    let options =
+        wgpu::PipelineCompilationOptions { zero_initialize_workgroup_memory: false, ..Default::default() };
+    compute_with(gpu, module, entry, groups, options)
+}
+
+fn compute_with(
+    gpu: &Gpu,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    groups: &[&wgpu::BindGroupLayout],
+    compilation_options: wgpu::PipelineCompilationOptions,
+) -> wgpu::ComputePipeline {
     gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(entry),
         layout: Some(&pipeline_layout(gpu, groups)),
         module,
         entry_point: Some(entry),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        compilation_options,
         cache: None,
     })
 }

@@ -4,12 +4,12 @@
 use super::device::Gpu;
 use super::pool::Rect;
 use super::resolve::{Outcome, TILE, class_name};
-use super::variant::Variant;
+use super::variant::{ColorsOf, Variant};
 use crate::error::{Error, Result};
 use crate::frame::{LimitPolicy, Lists, Rasteriser, Request, Stats, Storage};
 use crate::node_format::{NodeFormat, NodeLayout};
 use crate::resolve::Resolve;
-use crate::scene::Scene;
+use crate::scene::{Rate, Scene};
 use crate::shader::{has_loop, user_blend};
 
 /// Measured: an H100 sorts lists of 33 to 64 four times faster by a network than by insertion. A software driver gains
@@ -60,7 +60,16 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
             layout.most_triangles()
         )));
     }
+    let rates: Vec<_> = scene.meshes.iter().filter(|m| m.face_count() > 0).map(|m| m.colors.rate).collect();
+    let colors = if !tiles || rates.iter().any(|r| matches!(r, Rate::Vertex | Rate::Corner)) {
+        ColorsOf::Corners
+    } else if rates.iter().all(|r| *r == Rate::Face) {
+        ColorsOf::Triangle
+    } else {
+        ColorsOf::Flat
+    };
     Ok(Variant {
+        colors,
         tiles,
         // Measured: Mesa's software drivers round every quotient to the nearest, NVIDIA's GPUs 70 % of them.
         divides_exactly: gpu.adapter.is_software(),

@@ -78,6 +78,20 @@ impl Timing {
         })
     }
 
+    /// What `finish` copied to.
+    pub fn buffer(&self) -> Option<&wgpu::Buffer> {
+        self.queries.as_ref().map(|(_, _, readable)| readable)
+    }
+
+    /// Milliseconds from the first begin to the last end.
+    pub fn span(&self, words: &[u32]) -> Option<f64> {
+        let used = 4 * self.used.get() as usize;
+        let tick = |w: &[u32]| u64::from(w[1]) << 32 | u64::from(w[0]);
+        let ticks: Vec<u64> = words[..used.min(words.len())].chunks_exact(2).map(tick).collect();
+        let (first, last) = (ticks.iter().min()?, ticks.iter().max()?);
+        Some((last - first) as f64 * f64::from(self.period_ns) * 1e-6)
+    }
+
     /// Milliseconds of each timed pass.
     pub fn read(&self, words: &[u32]) -> Vec<(Cow<'static, str>, f64)> {
         let tick = |w: &[u32]| u64::from(w[1]) << 32 | u64::from(w[0]);

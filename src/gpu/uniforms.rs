@@ -133,7 +133,11 @@ pub struct Grid {
     pub bin_capacity: u32,
     pub tile_capacity: u32,
     pub trips: u32,
+    pub parts: u32,
+    pub block: u32,
+    pub first_row: u32,
     pub pad0: u32,
+    pub pad1: u32,
 }
 
 #[repr(C)]
@@ -142,7 +146,11 @@ pub struct Window {
     pub first: u32,
     pub count: u32,
     pub tiles_x: u32,
-    pub pad: u32,
+    pub parts: u32,
+    pub first_row: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 #[cfg(test)]

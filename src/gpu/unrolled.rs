@@ -38,7 +38,7 @@ pub fn text(temp: u32, back_to_front: bool) -> String {
 
 /// Batcher's odd-even merge sort of `n` entries (Knuth, The Art of Computer Programming, volume 3, 5.2.2 M).
 /// Exchanges past the end fall away: what would be there is greatest.
-fn network(n: u32) -> Vec<(u32, u32)> {
+pub fn network(n: u32) -> Vec<(u32, u32)> {
     let mut exchanges = Vec::new();
     let top = n.next_power_of_two() / 2;
     let mut p = top;

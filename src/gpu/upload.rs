@@ -92,6 +92,10 @@ impl Arrays {
             let mut info = mesh_info(mesh);
             (info.first_triangle, info.first_vertex, info.first_color) =
                 (arrays.faces.len() as u32, first_vertex, arrays.colors.len() as u32);
+            if faces == 0 {
+                arrays.meshes.push(info); // its colours would shift those of triangles
+                continue;
+            }
             match mesh.positions {
                 Positions::F32(given) => arrays.positions.extend_from_slice(given),
                 Positions::F64(given) => {

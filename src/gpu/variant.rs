@@ -12,8 +12,20 @@ use crate::node_format::NodeLayout;
 use crate::samples::{full, pattern};
 use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
 
+/// How tiles find the colour of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ColorsOf {
+    /// By its number.
+    Triangle,
+    /// One a triangle, where setup says.
+    Flat,
+    /// Some are interpolated.
+    Corners,
+}
+
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Variant {
+    pub colors: ColorsOf,
     /// Compute shaders rasterise.
     pub tiles: bool,
     pub storage: Storage,
@@ -109,6 +121,8 @@ impl Variant {
         constant("PATTERN", format!("array<vec2f, {samples}>({})", positions.join(", ")));
         let offsets: Vec<_> = pattern(samples).iter().map(|(x, y)| format!("vec2i({x}, {y})")).collect();
         constant("SAMPLE_OFFSETS", format!("array<vec2i, {samples}>({})", offsets.join(", ")));
+        constant("COLORS_BY_TRIANGLE", (self.colors == ColorsOf::Triangle).to_string());
+        constant("HAS_GRADIENTS", (self.colors == ColorsOf::Corners).to_string());
         constant("DIVIDES_EXACTLY", self.divides_exactly.to_string());
         constant("MIXED", layout.mixed.to_string());
         constant("HAS_ORDER", layout.has_order.to_string());
@@ -316,6 +330,7 @@ pub mod tests {
 
     pub fn plain() -> Variant {
         Variant {
+            colors: ColorsOf::Corners,
             tiles: false,
             divides_exactly: false,
             storage: Storage::Linked,
@@ -382,7 +397,9 @@ pub mod tests {
         let blends = Arc::new(["return dst + src.rgb * depth;".to_string(), "dst * src.rgb".to_string()]);
         let checked = |(i, b): (usize, &String)| crate::shader::user_blend(i, "blend", b).unwrap();
         let blends = blends.iter().enumerate().map(checked).collect();
-        all.push(Variant { tiles: true, hides: true, divides_exactly: true, ..plain() });
+        all.push(Variant { tiles: true, hides: true, divides_exactly: true, subgroups: true, ..plain() });
+        all.push(Variant { tiles: true, colors: ColorsOf::Triangle, ..plain() });
+        all.push(Variant { tiles: true, colors: ColorsOf::Flat, ..plain() });
         all.push(Variant { blends, layout: NodeLayout::new(NodeFormat::Float32, 1, true, false), ..plain() });
         all
     }

@@ -33,7 +33,8 @@ mod _core {
     const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
     use super::{
-        adapters, check_blend, composite, encode_png, methods, render_cpu, render_gpu, sample_positions,
+        adapters, check_blend, composite, encode_png, measure_gpu, methods, render_cpu, render_gpu,
+        sample_positions,
     };
 }
 
@@ -121,6 +122,26 @@ fn render_gpu<'py>(
         render::on_gpu(adapter, &scene, &camera, &request, background)
     })?;
     to_dict(py, output, &request)
+}
+
+/// Measures frames on an adapter, of tiles and of plain blending in turns: of each a list of frames, of each frame
+/// pairs of a stage and its milliseconds, the last of them "gpu", from the first begin to the last end.
+#[pyfunction]
+fn measure_gpu<'py>(
+    py: Python<'py>,
+    adapter: usize,
+    meshes: Vec<MeshParts<'py>>,
+    camera: CameraParts<'py>,
+    request: RequestParts,
+    background: &Bound<'py, PyAny>,
+    frames: usize,
+) -> PyResult<[crate::gpu::Times; 2]> {
+    let camera = camera.camera()?;
+    let request = request.request();
+    let parts = BackgroundParts::<f32>::of(background)?;
+    let background = parts.background()?;
+    let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
+    Ok(py.detach(|| render::measure(adapter, &Scene::new(meshes)?, &camera, &request, background, frames))?)
 }
 
 /// All adapters, best first.

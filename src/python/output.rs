@@ -56,6 +56,7 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
         bands,
         bytes,
         ms,
+        gpu_ms,
         device,
         plan,
     } = stats;
@@ -70,6 +71,7 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
         stages.set_item(stage.as_ref(), ms)?;
     }
     dict.set_item("ms", stages)?;
+    dict.set_item("gpu_ms", gpu_ms)?;
     dict.set_item("device", device)?;
     dict.set_item("plan", plan)?;
     Ok(dict)

@@ -3,18 +3,22 @@
 use wgpu::BufferUsages;
 
 use super::Context;
+use super::classes::{CLASS_COUNT, most_parts};
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
-use crate::gpu::buffers::{bind, readable, storage, with_contents};
+use crate::gpu::buffers::{Bound, bind, indirect, readable, storage, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::pool::Rect;
 use crate::gpu::resolve::TILE;
-use crate::gpu::timing::Timing;
-use crate::gpu::uniforms::{Eye, Grid};
+use crate::gpu::uniforms::{Eye, Grid, Window};
 use crate::gpu::upload::Uploaded;
+use crate::gpu::variant::ColorsOf;
 
 /// Invocations of a workgroup, and triangles of a block (BLOCK in shaders/tiles/bin.wgsl).
 const BLOCK: u32 = 256;
+/// Fewer triangles come in smaller blocks, of which several invocations share each.
+const FEW: u32 = 1 << 14;
+const FEW_BLOCK: u32 = 32;
 /// Chunks that triangles are counted in, about: one workgroup each.
 const CHUNKS: u32 = 1024;
 /// Workgroups that clip, of 64 invocations.
@@ -22,18 +26,29 @@ const CLIP_GROUPS: u32 = 16;
 /// Words of `Counters`, bytes of `Raster`, `KeyPlane`, a slope and a piece (shaders/tiles/triangle.wgsl).
 const COUNTER_WORDS: u64 = 10;
 const RASTER_BYTES: u64 = 32;
+const BOX_BYTES: u64 = 8;
 const PLANE_BYTES: u64 = 32;
 const SLOPE_BYTES: u64 = 16;
 const PIECE_BYTES: u64 = 24;
 
 pub struct Bins {
+    /// Of the band that comes next.
     pub grid: Grid,
+    /// Rows of tiles of the image, and of a band: those that there are bins and memory for at once.
+    all_rows: u32,
+    rows: u32,
     pub rasters: wgpu::Buffer,
+    pub boxes: wgpu::Buffer,
+    pub color_starts: wgpu::Buffer,
     pub key_planes: wgpu::Buffer,
     pub slopes: wgpu::Buffer,
     pub pieces: wgpu::Buffer,
     pub tiles: wgpu::Buffer,
     pub tile_entries: wgpu::Buffer,
+    /// Parts of tiles by class, how many there are, and what each class is dispatched with.
+    pub parts: wgpu::Buffer,
+    pub classes: wgpu::Buffer,
+    pub groups: [wgpu::Buffer; CLASS_COUNT + 1],
     clip_list: wgpu::Buffer,
     counters: wgpu::Buffer,
     matrix: wgpu::Buffer,
@@ -43,69 +58,116 @@ pub struct Bins {
 }
 
 /// What setup and binning counted.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Counted {
     pub rejected: u64,
     /// The longest list of a tile.
     pub longest: u32,
+    /// Of all tiles together.
+    pub entries: u32,
     /// The pixels where translucent triangles may land.
     pub rect: Option<Rect>,
 }
 
 impl Bins {
     /// Room for a scene's triangles, and as many entries as one triangle mostly has.
-    pub fn new(gpu: &Gpu, triangles: u32, has_gradients: bool, (width, height): (u32, u32)) -> Result<Self> {
+    pub fn new(of: Context, triangles: u32, (width, height): (u32, u32), memory: u64) -> Result<Self> {
+        let gpu = of.gpu;
+        let colors = of.variant().colors;
+        let (has_gradients, by_triangle) = (colors == ColorsOf::Corners, colors == ColorsOf::Triangle);
         let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        // The least bins of at least 4×4 tiles of which there is room for all.
-        let bins_of = |shift: u32| (tiles_x.div_ceil(1 << shift), tiles_y.div_ceil(1 << shift));
-        let fits = |shift: &u32| bins_of(*shift).0 * bins_of(*shift).1 <= MAX_BINS;
-        let bin_shift = (2..=4).find(fits).ok_or_else(|| {
-            Error::Unsupported(format!(
-                "tiles on a GPU render up to {MAX_BINS} bins of 256×256 pixels, got {width}×{height}; \
-             device=\"cpu\" and pipeline=\"linked_list\" render more"
-            ))
-        })?;
-        let (bins_x, bins_y) = bins_of(bin_shift);
-        let blocks = triangles.div_ceil(BLOCK * CHUNKS).max(1);
-        let chunks = triangles.div_ceil(BLOCK * blocks).max(1);
+        // The least bins of at least 4×4 tiles of which there is room for all; or as many rows of the largest.
+        let rows_of = |shift: u32| (MAX_BINS / tiles_x.div_ceil(1 << shift)) << shift;
+        let bin_shift = (2..4).find(|&shift| rows_of(shift) >= tiles_y).unwrap_or(4);
+        let rows = rows_of(bin_shift).min(tiles_y);
+        let (bins_x, bins_y) = (tiles_x.div_ceil(1 << bin_shift), rows.div_ceil(1 << bin_shift));
+        let most = (memory.min(gpu.adapter.max_binding) / 4).min(u32::MAX.into()) as u32;
+        // Of few triangles a block has few, so that many workgroups share them out.
+        let block = if triangles < FEW { FEW_BLOCK } else { BLOCK };
+        let blocks = triangles.div_ceil(block * CHUNKS).max(1);
+        let chunks = triangles.div_ceil(block * blocks).max(1);
         let grid = Grid {
             tiles_x,
-            tiles_y,
+            tiles_y: rows,
             bins_x,
             bins_y,
             bin_shift,
             triangles,
             chunks,
             blocks,
-            bin_capacity: 2 * triangles + 256,
-            tile_capacity: 4 * triangles + 256,
+            bin_capacity: (2 * triangles + 256).min(most / 3),
+            tile_capacity: (4 * triangles + 256).min(most / 3 * 2),
             trips: if gpu.adapter.is_software() { 60_000 } else { u32::MAX },
+            parts: most_parts(tiles_x * rows),
+            block,
+            first_row: 0,
             pad0: 0,
+            pad1: 0,
         };
         let n = u64::from(triangles);
         let piece_capacity = 256;
         gpu.checked("the bins", || {
             Ok(Self {
                 rasters: storage(gpu, "rasters", RASTER_BYTES * n),
+                boxes: storage(gpu, "boxes", BOX_BYTES * n),
+                color_starts: storage(gpu, "colour starts", if by_triangle { 0 } else { 4 * n }),
                 key_planes: storage(gpu, "key planes", PLANE_BYTES * n),
                 slopes: storage(gpu, "slopes", if has_gradients { SLOPE_BYTES * n } else { 0 }),
                 pieces: storage(gpu, "pieces", PIECE_BYTES * u64::from(piece_capacity)),
+                parts: storage(gpu, "parts", 4 * u64::from(grid.parts) * (CLASS_COUNT as u64 + 1)),
+                classes: storage(gpu, "classes", 4 * (CLASS_COUNT as u64 + 4)),
+                groups: std::array::from_fn(|_| indirect(gpu, "groups", 12)),
                 clip_list: storage(gpu, "clip list", 4 * n),
                 counters: storage(gpu, "counters", 4 * COUNTER_WORDS),
                 matrix: storage(gpu, "bin matrix", 4 * u64::from(bins_x * bins_y * chunks)),
                 bins: storage(gpu, "bins", 8 * u64::from(bins_x * bins_y)),
-                tiles: storage(gpu, "tiles", 8 * u64::from(tiles_x * tiles_y)),
+                tiles: storage(gpu, "tiles", 8 * u64::from(tiles_x * rows)),
                 bin_entries: storage(gpu, "bin entries", 4 * u64::from(grid.bin_capacity)),
                 tile_entries: storage(gpu, "tile entries", 4 * u64::from(grid.tile_capacity)),
                 piece_capacity,
+                all_rows: tiles_y,
+                rows,
                 grid,
             })
         })
     }
 
+    /// Turns to the band that begins at a row of tiles; `false` past the last.
+    pub fn turn_to(&mut self, first_row: u32) -> bool {
+        let rest = self.all_rows.saturating_sub(first_row);
+        if rest == 0 {
+            return false;
+        }
+        self.grid.first_row = first_row;
+        self.grid.tiles_y = self.rows.min(rest);
+        self.grid.bins_y = self.grid.tiles_y.div_ceil(1 << self.grid.bin_shift);
+        true
+    }
+
+    /// The row after the band's last.
+    pub fn end_row(&self) -> u32 {
+        self.grid.first_row + self.grid.tiles_y
+    }
+
+    pub fn is_whole(&self) -> bool {
+        self.grid.tiles_y == self.all_rows
+    }
+
+    pub fn is_last(&self) -> bool {
+        self.end_row() >= self.all_rows
+    }
+
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         let size = |buffers: &[&wgpu::Buffer]| buffers.iter().map(|b| b.size()).sum();
-        let setup = [&self.rasters, &self.key_planes, &self.slopes, &self.pieces, &self.clip_list];
+        let setup = [
+            &self.rasters,
+            &self.key_planes,
+            &self.slopes,
+            &self.pieces,
+            &self.clip_list,
+            &self.boxes,
+            &self.color_starts,
+        ];
         let bins = [&self.matrix, &self.bins, &self.bin_entries, &self.tiles, &self.tile_entries];
         [("setup", size(&setup)), ("bins", size(&bins))]
     }
@@ -116,8 +178,7 @@ impl Bins {
         of: Context,
         scene: &Uploaded,
         eye: Eye,
-        encoder: &mut wgpu::CommandEncoder,
-        timing: &Timing,
+        pass: &mut wgpu::ComputePass,
     ) -> Result<()> {
         let (gpu, view, stages) = (of.gpu, of.view, of.stages());
         let eye = Eye { triangles: self.grid.triangles, piece_capacity: self.piece_capacity, ..eye };
@@ -142,6 +203,9 @@ impl Bins {
                 (&self.pieces).into(),
                 (&self.clip_list).into(),
                 (&self.counters).into(),
+                (&self.boxes).into(),
+                (&self.color_starts).into(),
+                (&self.classes).into(),
             ],
         );
         let bin_group = bind(
@@ -153,32 +217,30 @@ impl Bins {
                 (&grid).into(),
                 (&self.rasters).into(),
                 (&self.pieces).into(),
+                (&self.boxes).into(),
                 (&self.counters).into(),
                 (&self.matrix).into(),
                 (&self.bins).into(),
                 (&self.bin_entries).into(),
                 (&self.tiles).into(),
                 (&self.tile_entries).into(),
+                (&self.classes).into(),
+                (&self.parts).into(),
             ],
         );
-        encoder.clear_buffer(&self.counters, 0, None);
+        let groups = self.groups[..CLASS_COUNT].iter();
+        let slots: Vec<Bound> = [&self.classes].into_iter().chain(groups).map(Into::into).collect();
+        let start_group = bind(gpu, "start", &stages.start_layout, &slots);
         let Grid { triangles, bins_x, bins_y, chunks, .. } = self.grid;
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("set up"),
-            timestamp_writes: timing.compute("set up"),
-        });
         pass.set_bind_group(0, &setup_group, &[]);
+        pass.set_pipeline(&setup.clear);
+        pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(&setup.setup);
         let groups = triangles.div_ceil(BLOCK);
         let x = groups.clamp(1, gpu.limits.max_compute_workgroups_per_dimension);
         pass.dispatch_workgroups(x, groups.div_ceil(x), 1);
         pass.set_pipeline(&setup.clip);
         pass.dispatch_workgroups(CLIP_GROUPS, 1, 1);
-        drop(pass);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("bin"),
-            timestamp_writes: timing.compute("bin"),
-        });
         pass.set_bind_group(0, &bin_group, &[]);
         for (pipeline, groups) in [
             (&bin.count_bins, chunks),
@@ -189,7 +251,35 @@ impl Bins {
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups(groups, 1, 1);
         }
+        pass.set_pipeline(&bin.start);
+        pass.set_bind_group(0, &start_group, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
         Ok(())
+    }
+
+    /// The part of the tiles' lists that a dispatch walks.
+    pub fn window(&self, first: u32, count: u32) -> Window {
+        let Grid { tiles_x, parts, first_row, .. } = self.grid;
+        Window { first, count, tiles_x, parts, first_row, pad0: 0, pad1: 0, pad2: 0 }
+    }
+
+    /// What walks over tiles bind as group 0.
+    pub fn walk_group(&self, of: Context, scene: &Uploaded, window: &wgpu::Buffer) -> wgpu::BindGroup {
+        let slots = [
+            of.view.into(),
+            window.into(),
+            (&self.rasters).into(),
+            (&self.key_planes).into(),
+            (&self.slopes).into(),
+            (&self.pieces).into(),
+            (&scene.faces).into(),
+            (&scene.colors).into(),
+            (&self.tiles).into(),
+            (&self.tile_entries).into(),
+            (&self.boxes).into(),
+            (&self.color_starts).into(),
+        ];
+        bind(of.gpu, "tile walk", &of.stages().walk_layout, &slots)
     }
 
     /// Copies what was counted to where the host can read it.
@@ -199,8 +289,9 @@ impl Bins {
         copy
     }
 
-    /// What was counted, or `None` where there was no room: now there is. `memory`: bytes that lists may take.
-    pub fn counted(&mut self, gpu: &Gpu, words: &[u32], memory: u64) -> Result<Option<Counted>> {
+    /// What was counted, or `None` where there was no room: now there is, or the band is smaller. `memory`: bytes that
+    /// lists may take. `cuts`: the image may be rendered in bands.
+    pub fn counted(&mut self, gpu: &Gpu, words: &[u32], memory: u64, cuts: bool) -> Result<Option<Counted>> {
         let [rejected, _, pieces, bin_entries, tile_entries, longest, left, top, x1, y1, ..] = *words else {
             return Err(Error::Device("the counters were not read back".into()));
         };
@@ -216,13 +307,20 @@ impl Bins {
         if pieces <= self.piece_capacity && bin_fits && tile_fits {
             let (x0, y0) = (65536 - left, 65536 - top);
             let rect = (left > 0).then(|| Rect { x0, y0, w: x1 - x0, h: y1 - y0 });
-            return Ok(Some(Counted { rejected: rejected.into(), longest, rect }));
+            return Ok(Some(Counted { rejected: rejected.into(), longest, entries: tile_entries, rect }));
         }
         let needed = 4 * (u64::from(bin_entries) + u64::from(tile_entries));
         let limit = memory.min(gpu.adapter.max_binding);
+        if needed > limit && cuts && grid.tiles_y > 1 {
+            self.rows = (grid.tiles_y / 2).max(1);
+            let first_row = grid.first_row;
+            self.turn_to(first_row);
+            return Ok(None);
+        }
         if needed > limit {
+            let what = if cuts { "one row of tiles" } else { "all tiles" };
             return Err(Error::Capacity {
-                what: "the triangle lists of all tiles".into(),
+                what: format!("the triangle lists of {what}"),
                 needed,
                 limit,
                 advice: "raise memory=, or render with pipeline=\"linked_list\" or device=\"cpu\"".into(),

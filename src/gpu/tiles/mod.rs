@@ -2,13 +2,20 @@
 //! walks a tile's triangles with an invocation a pixel.
 
 mod bins;
+mod classes;
+mod image;
+mod render;
 mod stages;
 mod walk;
+mod yardstick;
 
+use image::is_enough;
+pub use render::render;
 pub use stages::Stages;
 #[cfg(test)]
 pub use stages::modules;
 pub use walk::Walker;
+pub use yardstick::{Times, measure};
 
 use super::device::Gpu;
 use super::pipelines::Pipelines;

@@ -4,11 +4,14 @@ use std::sync::OnceLock;
 
 use wgpu::ShaderStages;
 
+#[cfg(test)]
+use super::classes::classes_of;
+use super::classes::{CLASS_COUNT, Class, Gather, classes, composite_masks, constants, own_constants, sorts};
 use crate::error::Result;
 use crate::gpu::buffers::{Slot, layout};
 use crate::gpu::device::Gpu;
-use crate::gpu::pipelines::{compile, compute, once};
-use crate::gpu::variant::{BuildStage, Variant};
+use crate::gpu::pipelines::{compile, compute_uncleared, once};
+use crate::gpu::variant::{BuildStage, ColorsOf, Variant};
 use crate::shader::Composed;
 
 /// Bins of an image, at most: what workgroup memory holds masks for.
@@ -25,9 +28,21 @@ pub struct Stages {
     bin: OnceLock<Bin>,
     opaque: OnceLock<wgpu::ComputePipeline>,
     keep: [OnceLock<wgpu::ComputePipeline>; 2],
+    pub start_layout: wgpu::BindGroupLayout,
+    pub resolve_layout: wgpu::BindGroupLayout,
+    pub read_opaque_layout: wgpu::BindGroupLayout,
+    /// Without counts, and with them.
+    resolve: [OnceLock<Resolve>; 2],
+}
+
+/// The classes, and the pipeline of each.
+pub struct Resolve {
+    pub classes: [Class; CLASS_COUNT],
+    pub resolve: Vec<wgpu::ComputePipeline>,
 }
 
 pub struct Setup {
+    pub clear: wgpu::ComputePipeline,
     pub setup: wgpu::ComputePipeline,
     pub clip: wgpu::ComputePipeline,
 }
@@ -37,6 +52,7 @@ pub struct Bin {
     pub offsets: wgpu::ComputePipeline,
     pub scatter_bins: wgpu::ComputePipeline,
     pub bin_tiles: wgpu::ComputePipeline,
+    pub start: wgpu::ComputePipeline,
 }
 
 impl Stages {
@@ -47,35 +63,49 @@ impl Stages {
             layout(gpu, label, ShaderStages::COMPUTE, &slots)
         };
         Self {
-            setup_layout: of("tile setup", 2, 5, 6),
-            bin_layout: of("tile binning", 2, 2, 6),
-            walk_layout: of("tile walk", 2, 8, 0),
+            setup_layout: of("tile setup", 2, 5, 9),
+            bin_layout: of("tile binning", 2, 3, 8),
+            walk_layout: of("tile walk", 2, 10, 0),
             opaque_layout: of("tile opaque", 0, 0, 2),
             hidden_layout: of("tile hidden", 0, 1, 0),
             setup: OnceLock::new(),
             bin: OnceLock::new(),
             opaque: OnceLock::new(),
             keep: Default::default(),
+            start_layout: of("start", 0, 0, 1 + CLASS_COUNT),
+            resolve_layout: layout(
+                gpu,
+                "tile resolve",
+                ShaderStages::COMPUTE,
+                &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, ReadWrite, Slot::Color],
+            ),
+            read_opaque_layout: of("opaque surfaces", 0, 2, 0),
+            resolve: Default::default(),
         }
     }
 
     pub fn setup(&self, gpu: &Gpu, variant: &Variant) -> Result<&Setup> {
         once(gpu, &self.setup, || {
             let module = compile(gpu, "tile setup", &setup(variant)?)?;
-            let of = |entry: &str| compute(gpu, &module, entry, &[&self.setup_layout]);
-            Ok(Setup { setup: of("cs_setup"), clip: of("cs_clip") })
+            let of = |entry: &str| compute_uncleared(gpu, &module, entry, &[&self.setup_layout]);
+            Ok(Setup { clear: of("cs_clear"), setup: of("cs_setup"), clip: of("cs_clip") })
         })
     }
 
     pub fn bin(&self, gpu: &Gpu, variant: &Variant) -> Result<&Bin> {
         once(gpu, &self.bin, || {
-            let module = compile(gpu, "tile binning", &bin(variant)?)?;
-            let of = |entry: &str| compute(gpu, &module, entry, &[&self.bin_layout]);
+            let classes = classes(gpu);
+            let module = compile(gpu, "tile binning", &bin(variant, &classes)?)?;
+            let of = |entry: &str| compute_uncleared(gpu, &module, entry, &[&self.bin_layout]);
             Ok(Bin {
                 count_bins: of("cs_count_bins"),
                 offsets: of("cs_offsets"),
                 scatter_bins: of("cs_scatter_bins"),
                 bin_tiles: of("cs_bin_tiles"),
+                start: {
+                    let module = compile(gpu, "start", &start(&classes)?)?;
+                    compute_uncleared(gpu, &module, "cs_start", &[&self.start_layout])
+                },
             })
         })
     }
@@ -83,7 +113,24 @@ impl Stages {
     pub fn opaque(&self, gpu: &Gpu, variant: &Variant) -> Result<&wgpu::ComputePipeline> {
         once(gpu, &self.opaque, || {
             let module = compile(gpu, "tile opaque", &opaque(variant)?)?;
-            Ok(compute(gpu, &module, "cs_opaque", &[&self.walk_layout, &self.opaque_layout]))
+            Ok(compute_uncleared(gpu, &module, "cs_opaque", &[&self.walk_layout, &self.opaque_layout]))
+        })
+    }
+
+    /// The classes of tiles whose fragments are resolved as they are found.
+    pub fn resolve(&self, gpu: &Gpu, variant: &Variant, counts: bool) -> Result<&Resolve> {
+        once(gpu, &self.resolve[usize::from(counts)], || {
+            let classes = classes(gpu);
+            let mut groups = vec![&self.walk_layout, &self.resolve_layout];
+            if variant.hides {
+                groups.push(&self.read_opaque_layout);
+            }
+            let of = |class: usize| {
+                let module = compile(gpu, "tile resolve", &resolve(variant, &classes, class, counts)?)?;
+                Ok(compute_uncleared(gpu, &module, "cs_resolve", &groups))
+            };
+            let resolve = (0..CLASS_COUNT).map(of).collect::<Result<Vec<_>>>()?;
+            Ok(Resolve { classes, resolve })
         })
     }
 
@@ -101,7 +148,7 @@ impl Stages {
             if variant.hides {
                 groups.push(&self.hidden_layout);
             }
-            Ok(compute(gpu, &module, "cs_keep", &groups))
+            Ok(compute_uncleared(gpu, &module, "cs_keep", &groups))
         })
     }
 }
@@ -111,8 +158,20 @@ const WALK: [&str; 6] = ["common", "exact", "tiles/triangle", "tiles/edges", "ti
 /// Every module, for the tests that read them all.
 #[cfg(test)]
 pub fn modules(v: &Variant) -> Vec<Composed> {
-    let all = [setup(v), bin(v), opaque(v), keep(v, BuildStage::Count), keep(v, BuildStage::Scatter)];
-    all.into_iter().map(Result::unwrap).collect()
+    let classes = classes_of([2, 4, 8]);
+    let all = [
+        setup(v),
+        bin(v, &classes),
+        start(&classes),
+        opaque(v),
+        keep(v, BuildStage::Count),
+        keep(v, BuildStage::Scatter),
+        Composed::new(String::new(), &["common", "tiles/blending"]),
+    ];
+    let resolves = (0..CLASS_COUNT).map(|class| resolve(v, &classes, class, class % 2 == 0));
+    // Long, and the same for most variants.
+    let resolves = resolves.filter(|_| v.tiles);
+    all.into_iter().chain(resolves).map(Result::unwrap).collect()
 }
 
 fn text(variant: &Variant, files: &[&str]) -> Result<Composed> {
@@ -122,11 +181,52 @@ fn text(variant: &Variant, files: &[&str]) -> Result<Composed> {
 }
 
 fn setup(variant: &Variant) -> Result<Composed> {
-    text(variant, &["common", "exact", "tiles/triangle", "tiles/setup", "tiles/clip"])
+    text(variant, &["common", "exact", "tiles/triangle", "tiles/edges", "tiles/setup", "tiles/clip"])
 }
 
-fn bin(variant: &Variant) -> Result<Composed> {
-    text(variant, &["common", "exact", "tiles/triangle", "tiles/edges", "tiles/bin"])
+fn bin(variant: &Variant, classes: &[Class]) -> Result<Composed> {
+    let files = ["common", "exact", "tiles/triangle", "tiles/edges", "tiles/classes", "tiles/bin"];
+    let mut composed = text(variant, &files)?;
+    composed.push(&constants(classes), "classes".into());
+    Ok(composed)
+}
+
+fn start(classes: &[Class]) -> Result<Composed> {
+    Composed::new(constants(classes), &["tiles/classes", "tiles/start"])
+}
+
+fn resolve(variant: &Variant, classes: &[Class], class: usize, counts: bool) -> Result<Composed> {
+    let own = classes[class];
+    let mut files = vec![
+        "common",
+        "exact",
+        "tiles/triangle",
+        "tiles/edges",
+        "tiles/walk",
+        "tiles/classes",
+        "tiles/resolve",
+        match own.gather {
+            Gather::Triangles(_) => "tiles/gather_triangles",
+            Gather::Masks => "tiles/gather_masks",
+            Gather::Staged => "tiles/gather_staged",
+        },
+        if variant.hides { "tiles/opaque_read" } else { "tiles/opaque_none" },
+        if variant.subgroups { "tiles/widest_subgroup" } else { "tiles/widest" },
+        "methods/exact",
+    ];
+    if own.gather != Gather::Masks {
+        files.push("tiles/composite_staged");
+    }
+    let mut composed = text(variant, &files)?;
+    let written = if own.gather == Gather::Masks {
+        composite_masks(own.depth, variant.colors == ColorsOf::Corners)
+    } else {
+        sorts(own.depth)
+    };
+    composed.push(&written, "sort".into());
+    let counts = format!("const COUNTS = {counts};\n");
+    composed.push(&(constants(classes) + &own_constants(classes, class) + &counts), "classes".into());
+    Ok(composed)
 }
 
 fn opaque(variant: &Variant) -> Result<Composed> {

@@ -4,21 +4,32 @@ use wgpu::BufferUsages;
 
 use super::Context;
 use super::bins::{Bins, Counted};
+use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{bind, storage, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::pool::Rect;
 use crate::gpu::resolve::TILE;
 use crate::gpu::timing::Timing;
-use crate::gpu::uniforms::{Eye, Window};
+use crate::gpu::uniforms::Eye;
 use crate::gpu::upload::Uploaded;
 use crate::gpu::variant::BuildStage;
 
 /// Triangles of a tile's list that one dispatch walks: a few milliseconds, or on a software driver, with what each takes
 /// inside (up to seven pieces, their edges, and samples), below the 65,535 loop iterations after which Mesa's llvmpipe
 /// ends every loop of an invocation.
-fn window_length(gpu: &Gpu, samples: u32) -> u32 {
+pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
     if gpu.adapter.is_software() { 60_000 / (9 * samples + 21) } else { 1 << 14 }
+}
+
+/// Of each sample the nearest opaque surface's key and colour; empty where nothing hides.
+pub fn opaque_buffers(of: Context, (width, height): (u32, u32)) -> Result<(wgpu::Buffer, wgpu::Buffer)> {
+    let Context { gpu, .. } = of;
+    let samples = if of.variant().hides { u64::from(of.variant().layout.samples) } else { 0 };
+    let all = u64::from(width) * u64::from(height) * samples;
+    gpu.checked("opaque surfaces", || {
+        Ok((storage(gpu, "opaque keys", 4 * all), storage(gpu, "opaque colours", 16 * all)))
+    })
 }
 
 /// A scene as one camera sees it, in tiles.
@@ -42,21 +53,25 @@ impl Walker {
         mut add_time: impl FnMut(String, f64),
     ) -> Result<Self> {
         let Context { gpu, .. } = of;
-        let variant = of.variant();
-        let mut bins = Bins::new(gpu, scene.triangles, true, (width, height))?;
-        let hidden = if variant.hides {
-            u64::from(width) * u64::from(height) * u64::from(variant.layout.samples)
-        } else {
-            0
-        };
-        let (opaque_keys, opaque_colors) = gpu.checked("opaque surfaces", || {
-            Ok((storage(gpu, "opaque keys", 4 * hidden), storage(gpu, "opaque colours", 16 * hidden)))
-        })?;
+        let mut bins = Bins::new(of, scene.triangles, (width, height), memory)?;
+        if !bins.is_whole() {
+            return Err(Error::Unsupported(format!(
+                "tiles on a GPU keep lists of up to {MAX_BINS} bins of 256×256 pixels, got {width}×{height}; \
+                 device=\"cpu\" and pipeline=\"linked_list\" keep more"
+            )));
+        }
+        let (opaque_keys, opaque_colors) = opaque_buffers(of, (width, height))?;
         // Pieces, then bins, then tiles: each may show the next demand.
         for _ in 0..4 {
             let timing = Timing::new(gpu);
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            gpu.checked("binning", || bins.encode(of, &scene, eye, &mut encoder, &timing))?;
+            gpu.checked("binning", || {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some("bin"),
+                    timestamp_writes: timing.compute("bin"),
+                });
+                bins.encode(of, &scene, eye, &mut pass)
+            })?;
             let counters = bins.read(gpu, &mut encoder);
             let times = timing.finish(&mut encoder);
             let buffers: Vec<&wgpu::Buffer> = [&counters].into_iter().chain(times).collect();
@@ -64,7 +79,7 @@ impl Walker {
             if let Some(times) = words.get(1) {
                 timing.read(times).into_iter().for_each(|(stage, ms)| add_time(stage.into_owned(), ms));
             }
-            if let Some(counted) = bins.counted(gpu, &words[0], memory)? {
+            if let Some(counted) = bins.counted(gpu, &words[0], memory, false)? {
                 return Ok(Self { scene, bins, counted, opaque_keys, opaque_colors });
             }
         }
@@ -81,28 +96,12 @@ impl Walker {
 
     /// A dispatch for each part of the tiles' lists, each a workgroup for each of `tiles`.
     fn encode_windows(&self, of: Context, pass: &mut wgpu::ComputePass, tiles: (u32, u32)) {
-        let Context { gpu, view, .. } = of;
+        let gpu = of.gpu;
         let count = window_length(gpu, of.variant().layout.samples);
         for first in (0..self.counted.longest.max(1)).step_by(count as usize) {
-            let window = Window { first, count, tiles_x: self.bins.grid.tiles_x, pad: 0 };
+            let window = self.bins.window(first, count);
             let window = with_contents(gpu, "window", BufferUsages::UNIFORM, &[window]);
-            let group = bind(
-                gpu,
-                "tile walk",
-                &of.stages().walk_layout,
-                &[
-                    view.into(),
-                    (&window).into(),
-                    (&self.bins.rasters).into(),
-                    (&self.bins.key_planes).into(),
-                    (&self.bins.slopes).into(),
-                    (&self.bins.pieces).into(),
-                    (&self.scene.faces).into(),
-                    (&self.scene.colors).into(),
-                    (&self.bins.tiles).into(),
-                    (&self.bins.tile_entries).into(),
-                ],
-            );
+            let group = self.bins.walk_group(of, &self.scene, &window);
             pass.set_bind_group(0, &group, &[]);
             pass.dispatch_workgroups(tiles.0, tiles.1, 1);
         }

@@ -1,0 +1,116 @@
+// An invocation a pixel tests all triangles of the tile, at most MOST, and keeps a bit for each that covers: for few
+// triangles, that cover many pixels. Keys are made when they are sorted.
+
+const MOST = 128u;
+const BATCH = 32u;
+
+// Edge functions at the tile's first pixel, and the number of pieces where there are several; their slopes, and the first
+// piece.
+var<workgroup> batch_q: array<vec4i, BATCH>;
+var<workgroup> batch_a: array<vec4i, BATCH>;
+var<workgroup> batch_b: array<vec4i, BATCH>;
+// Of all triangles what keys are made from, value by value, so that invocations that read several do not collide.
+var<workgroup> plane_value: array<f32, MOST>;
+var<workgroup> plane_gx: array<f32, MOST>;
+var<workgroup> plane_gy: array<f32, MOST>;
+var<workgroup> plane_low: array<f32, MOST>;
+var<workgroup> plane_high: array<f32, MOST>;
+var<workgroup> plane_x: array<f32, MOST>;
+var<workgroup> plane_y: array<f32, MOST>;
+var<workgroup> plane_id: array<u32, MOST>;
+
+var<private> covering: vec4u;
+
+fn load(t: u32, id: u32, corner: vec2i) {
+    let item = item_of(id, corner.x, corner.y);
+    var q = vec4i(item.edges.q, item.piece_count);
+    if HIDES && (item.flags & OPAQUE) != 0u {
+        q = vec4i(-0x7fffffff, -0x7fffffff, -0x7fffffff, 0); // done before
+    }
+    let slot = t % BATCH;
+    batch_q[slot] = q;
+    batch_a[slot] = vec4i(item.edges.a, item.first_piece);
+    batch_b[slot] = vec4i(item.edges.b, 0);
+    plane_value[t] = item.key.plane.x;
+    plane_gx[t] = item.key.plane.y;
+    plane_gy[t] = item.key.plane.z;
+    plane_low[t] = item.key.plane.w;
+    plane_high[t] = item.key.rest.x;
+    plane_x[t] = item.key.rest.y;
+    plane_y[t] = item.key.rest.z;
+    plane_id[t] = id;
+}
+
+// A bit for each of 32 triangles.
+fn tested(first: u32, span: Span, corner: vec2i, place: vec2i, local: u32) -> u32 {
+    let size = min(BATCH, span.count - first);
+    workgroupBarrier(); // the batch before is read
+    if local < size {
+        load(first + local, tile_entries[span.first + first + local], corner);
+    }
+    workgroupBarrier(); // the batch is written
+    var mask = 0u;
+    for (var t = 0u; t < size; t++) {
+        let q = batch_q[t];
+        let a = batch_a[t];
+        let e = q.xyz + a.xyz * place.x + batch_b[t].xyz * place.y;
+        var covers = (e.x | e.y | e.z) >= 0;
+        if q.w > 0 {
+            covers = pieces_cover(a.w, q.w, corner, place);
+        }
+        mask |= u32(covers) << t;
+    }
+    return mask;
+}
+
+fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) -> u32 {
+    var mask = vec4u(0u);
+    if span.count > MOST {
+        return DEPTH + 1u;
+    }
+    mask.x = tested(0u, span, corner, place, local);
+    if span.count > 32u {
+        mask.y = tested(32u, span, corner, place, local);
+    }
+    if span.count > 64u {
+        mask.z = tested(64u, span, corner, place, local);
+    }
+    if span.count > 96u {
+        mask.w = tested(96u, span, corner, place, local);
+    }
+    covering = select(vec4u(0u), mask, is_inside);
+    let counts = countOneBits(covering);
+    return counts.x + counts.y + counts.z + counts.w;
+}
+
+// The next triangle of the mask.
+fn take() -> u32 {
+    if covering.x != 0u {
+        let t = firstTrailingBit(covering.x);
+        covering.x &= covering.x - 1u;
+        return t;
+    }
+    if covering.y != 0u {
+        let t = firstTrailingBit(covering.y);
+        covering.y &= covering.y - 1u;
+        return t + 32u;
+    }
+    if covering.z != 0u {
+        let t = firstTrailingBit(covering.z);
+        covering.z &= covering.z - 1u;
+        return t + 64u;
+    }
+    let t = firstTrailingBit(covering.w);
+    covering.w &= covering.w - 1u;
+    return t + 96u;
+}
+
+fn taken_key(t: u32, pixel: vec2u) -> u32 {
+    let d = vec2f(pixel) + 0.5 - vec2f(plane_x[t], plane_y[t]);
+    let value = plane_value[t] + product(plane_gx[t], d.x) + product(plane_gy[t], d.y);
+    let key = visible_key(clamped(value, plane_low[t], plane_high[t]), pixel);
+    if HIDES && key == HIDDEN {
+        visible -= 1u;
+    }
+    return key;
+}

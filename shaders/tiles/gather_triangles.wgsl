@@ -1,0 +1,118 @@
+// An invocation a triangle tests the pixels of its box: for many triangles, that cover few pixels. What is covered goes
+// into a queue, which all invocations share out evenly; each pixel has a place in one array, as long as its list.
+// Fragments come in any order, which their sort forgets.
+
+var<workgroup> filled: array<atomic<u32>, THREADS>;
+// The entry of the tile's list that covers, and above its 24 bits the pixel.
+var<workgroup> queue: array<u32, ENTRIES>;
+var<workgroup> queued: atomic<u32>;
+var<workgroup> handed_out: atomic<u32>;
+var<workgroup> keys: array<u32, ENTRIES>;
+var<workgroup> ids: array<u32, ENTRIES>;
+
+var<private> first_entry: u32;
+
+fn entry(i: u32) -> u32 {
+    return first_entry + i;
+}
+
+fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) -> u32 {
+    atomicStore(&filled[local], 0u);
+    if local == 0u {
+        atomicStore(&queued, 0u);
+        atomicStore(&handed_out, 0u);
+    }
+    workgroupBarrier(); // nothing is covered yet
+    for (var t = local; t < span.count; t += THREADS) {
+        let id = tile_entries[span.first + t];
+        let item = item_of(id, corner.x, corner.y);
+        if HIDES && (item.flags & OPAQUE) != 0u {
+            continue;
+        }
+        let box = unpacked_box(boxes[id]) - vec4i(corner, corner);
+        let first = max(box.xy, vec2i(0));
+        let last = min(box.zw, vec2i(TILE - 1));
+        // 8×8 pixels at a time, a bit for each that is covered.
+        for (var y = first.y; y <= last.y; y += 8) {
+            for (var x = first.x; x <= last.x; x += 8) {
+                cover(t, covered_block(item, corner, vec2i(x, y), last), vec2i(x, y));
+            }
+        }
+    }
+    workgroupBarrier(); // the queue is whole
+    let all = atomicLoad(&queued);
+    let n = atomicLoad(&filled[local]);
+    first_entry = atomicAdd(&handed_out, n);
+    atomicStore(&filled[local], first_entry);
+    workgroupBarrier(); // every pixel has its place
+    if all > ENTRIES {
+        return DEPTH + 1u;
+    }
+    for (var i = local; i < all; i += THREADS) {
+        let p = queue[i] >> 24u;
+        let id = tile_entries[span.first + (queue[i] & 0xffffffu)];
+        let pixel = vec2u(corner + vec2i(i32(p % 16u), i32(p / 16u)));
+        let slot = atomicAdd(&filled[p], 1u);
+        keys[slot] = visible_key(value_at(key_planes[id], vec2f(pixel) + 0.5), pixel);
+        ids[slot] = id;
+    }
+    workgroupBarrier(); // all pixels have all theirs
+    return n;
+}
+
+// Of the 8×8 pixels from `first` those that are covered, row after row from the lowest bit, up to `last`.
+fn covered_block(item: Item, corner: vec2i, first: vec2i, last: vec2i) -> vec2u {
+    let size = min(last - first + 1, vec2i(8));
+    var rows = vec2u(0u);
+    if item.piece_count > 0 {
+        for (var i = 0; i < size.x * size.y; i++) {
+            let at = vec2i(i % size.x, i / size.x);
+            if pieces_cover(item.first_piece, item.piece_count, corner, first + at) {
+                rows[at.y / 4] |= 1u << u32(at.x + 8 * (at.y % 4));
+            }
+        }
+        return rows;
+    }
+    let in_row = (1u << u32(size.x)) - 1u;
+    var e = item.edges.q + item.edges.a * first.x + item.edges.b * first.y;
+    for (var j = 0; j < size.y; j++) {
+        // Eight signs at once: a sign bit is 1 outside.
+        var f = e;
+        var outside = 0u;
+        for (var i = 0u; i < 8u; i++) {
+            outside |= (bitcast<u32>(f.x | f.y | f.z) >> 31u) << i;
+            f += item.edges.a;
+        }
+        let row = (~outside & in_row) << u32(8 * (j % 4));
+        if j < 4 {
+            rows.x |= row;
+        } else {
+            rows.y |= row;
+        }
+        e += item.edges.b;
+    }
+    return rows;
+}
+
+// Queues the pixels of a block, and counts them.
+fn cover(t: u32, block: vec2u, first: vec2i) {
+    let counts = countOneBits(block);
+    var i = 0u;
+    if counts.x + counts.y > 0u {
+        i = atomicAdd(&queued, counts.x + counts.y);
+    }
+    var rest = block;
+    while (rest.x | rest.y) != 0u && i < ENTRIES {
+        var bit = firstTrailingBit(rest.x);
+        if rest.x != 0u {
+            rest.x &= rest.x - 1u;
+        } else {
+            bit = firstTrailingBit(rest.y) + 32u;
+            rest.y &= rest.y - 1u;
+        }
+        let pixel = (u32(first.y) + bit / 8u) * 16u + u32(first.x) + bit % 8u;
+        queue[i] = t | (pixel << 24u);
+        atomicAdd(&filled[pixel], 1u);
+        i++;
+    }
+}

@@ -1,0 +1,233 @@
+//! The classes of tiles: how fragments are gathered, and how many of a pixel there is room for.
+
+use std::fmt::Write;
+
+use crate::gpu::device::Gpu;
+use crate::gpu::unrolled::network;
+
+pub const CLASS_COUNT: usize = 6;
+/// For people.
+pub const CLASS_NAMES: [&str; CLASS_COUNT] =
+    ["triangles", "more triangles", "masks, short", "masks, longer", "masks, long", "staged"];
+/// Pixels of a tile, and of the smallest part of one.
+const TILE_PIXELS: u32 = 256;
+const UNIT: u32 = 32;
+/// Workgroups of a dispatch, in one dimension.
+const MOST_GROUPS: u32 = 65_535;
+/// Invocations take triangles where a tile has at least so many, whose boxes cover less than so many of its pixels each.
+const MANY_TRIANGLES: u32 = 48;
+const SMALL_AREA: u32 = 48;
+
+/// How a class gathers fragments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gather {
+    /// An invocation a triangle, with room for so many fragments of the part.
+    Triangles(u32),
+    /// An invocation a pixel, a bit for each triangle that covers it.
+    Masks,
+    /// An invocation a pixel, with room in workgroup memory.
+    Staged,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Class {
+    pub gather: Gather,
+    /// Fragments of a pixel that there are registers for.
+    pub depth: u32,
+    /// Invocations, which is pixels.
+    pub threads: u32,
+    /// Where deeper parts go. `CLASS_COUNT`: nowhere.
+    pub next: usize,
+}
+
+impl Class {
+    /// Entries in workgroup memory.
+    fn entries(&self) -> u32 {
+        match self.gather {
+            Gather::Triangles(entries) => entries,
+            Gather::Masks => 0,
+            Gather::Staged => self.depth * self.threads,
+        }
+    }
+}
+
+pub fn classes(gpu: &Gpu) -> [Class; CLASS_COUNT] {
+    // Software drivers take seconds to compile longer networks, and minutes the longest.
+    classes_of(if gpu.adapter.is_software() { [2, 4, 8] } else { [16, 32, 64] })
+}
+
+/// `depths`: of the networks.
+pub fn classes_of([short, longer, long]: [u32; 3]) -> [Class; CLASS_COUNT] {
+    let class = |gather, depth, threads, next| Class { gather, depth, threads, next };
+    [
+        class(Gather::Triangles(1024), long.min(16), TILE_PIXELS, 5),
+        class(Gather::Triangles(2048), long.min(16), TILE_PIXELS, 5),
+        class(Gather::Masks, short, TILE_PIXELS, 3),
+        class(Gather::Masks, longer, TILE_PIXELS, 4),
+        class(Gather::Masks, long, 128, 5),
+        class(Gather::Staged, long, if long > 32 { 32 } else { 64 }, CLASS_COUNT),
+    ]
+}
+
+/// Parts of a class, at most, of so many tiles.
+pub fn most_parts(tiles: u32) -> u32 {
+    tiles * (TILE_PIXELS / UNIT)
+}
+
+/// What shaders know of all classes.
+pub fn constants(classes: &[Class]) -> String {
+    let list = |of: fn(&Class) -> u32| {
+        let values: Vec<_> = classes.iter().map(|c| format!("{}u", of(c))).collect();
+        format!("array<u32, {CLASS_COUNT}>({})", values.join(", "))
+    };
+    format!(
+        "const CLASS_SLOTS_OF_TILES = {}u;\nconst CLASS_THREADS = {};\n\
+         const CLASS_DEPTHS = {};\nconst CLASS_ENTRIES = {};\nconst MOST_GROUPS = {MOST_GROUPS}u;\n\
+         const MANY_TRIANGLES = {MANY_TRIANGLES}u;\nconst SMALL_AREA = {SMALL_AREA}u;\n",
+        CLASS_COUNT + 1, // the last for parts that no class has room for
+        list(|c| c.threads),
+        list(|c| c.depth),
+        list(Class::entries),
+    )
+}
+
+/// What shaders know of one.
+pub fn own_constants(classes: &[Class], class: usize) -> String {
+    let own = classes[class];
+    let next_threads = classes.get(own.next).map_or(own.threads, |next| next.threads);
+    format!(
+        "const OWN_CLASS = {class}u;\nconst DEPTH = {}u;\nconst THREADS = {}u;\nconst NEXT_CLASS = {}u;\n\
+         const NEXT_THREADS = {next_threads}u;\nconst ENTRIES = {}u;\n",
+        own.depth,
+        own.threads,
+        own.next,
+        own.entries(),
+    )
+}
+
+const SIZES: [u32; 9] = [2, 4, 8, 12, 16, 24, 32, 48, 64];
+
+/// `sort` of tiles/composite_staged.wgsl: by the number of fragments one of several networks, whose entries are variables
+/// of their own and so lie in registers.
+pub fn sorts(depth: u32) -> String {
+    let sizes: Vec<u32> = SIZES.into_iter().filter(|&n| n <= depth).collect();
+    let mut text = String::from("fn sort(n: u32, all: u32) {\n");
+    for (i, size) in sizes.iter().enumerate() {
+        // Writing to a String cannot fail. One fragment alone may still be hidden.
+        let least = if i == 0 { "all == 0u".into() } else { format!("all <= {}u", sizes[i - 1]) };
+        let _ = writeln!(
+            text,
+            "if {least} {{ {} }}",
+            if i == 0 { "return;".into() } else { format!("sort_{}(n); return;", sizes[i - 1]) }
+        );
+        if i + 1 == sizes.len() {
+            let _ = writeln!(text, "sort_{size}(n);");
+        }
+    }
+    text.push_str("}\n");
+    for &size in &sizes {
+        let _ = writeln!(text, "fn sort_{size}(n: u32) {{");
+        for i in 0..size {
+            let _ = writeln!(text, "var k{i} = HIDDEN; var t{i} = 0u;");
+            let _ = writeln!(text, "if n > {i}u {{ k{i} = keys[entry({i}u)]; t{i} = ids[entry({i}u)]; }}");
+        }
+        order(&mut text, size);
+        text.push_str("var seen = 0u;\n");
+        for i in 0..size {
+            let _ = writeln!(text, "if k{i} != HIDDEN {{ ids[entry({i}u)] = t{i}; seen = {}u; }}", i + 1);
+        }
+        text.push_str("visible = seen;\n}\n");
+    }
+    text
+}
+
+/// `composite` of the classes that keep masks: keys are made, sorted and composited without leaving registers.
+pub fn composite_masks(depth: u32, has_gradients: bool) -> String {
+    let sizes: Vec<u32> = [1].into_iter().chain(SIZES).filter(|&n| n <= depth).collect();
+    let mut text = String::from(
+        "fn composite(n: u32, local: u32, pixel: vec2u) -> State {\nlet all = widest(n);\n\
+         if all == 0u { return begin(); }\n",
+    );
+    for &size in &sizes {
+        if size == depth {
+            let _ = writeln!(text, "return composite_{size}(n, pixel);\n}}");
+        } else {
+            let _ = writeln!(text, "if all <= {size}u {{ return composite_{size}(n, pixel); }}");
+        }
+    }
+    for &size in &sizes {
+        let _ = writeln!(text, "fn composite_{size}(n: u32, pixel: vec2u) -> State {{");
+        for i in 0..size {
+            let _ = writeln!(text, "var k{i} = HIDDEN; var t{i} = 0u;");
+            let _ = writeln!(text, "if n > {i}u {{ t{i} = take(); k{i} = taken_key(t{i}, pixel); }}");
+        }
+        order(&mut text, size);
+        text.push_str("var state = begin();\nlet at = vec2f(pixel) + 0.5;\n");
+        if has_gradients {
+            // Long to write out: four at a time, of which a register has a byte each.
+            for i in (0..size).step_by(4) {
+                let bytes: Vec<_> =
+                    (i..size.min(i + 4)).map(|t| format!("(t{t} << {}u)", 8 * (t - i))).collect();
+                let _ = writeln!(
+                    text,
+                    "let w{i} = {};\nfor (var i = {i}u; i < min({}u, visible); i++) {{ \
+                     insert(&state, color_of(plane_id[(w{i} >> (8u * (i - {i}u))) & 255u], at)); }}",
+                    bytes.join(" | "),
+                    i + 4
+                );
+            }
+        } else {
+            for i in 0..size {
+                let _ =
+                    writeln!(text, "if k{i} != HIDDEN {{ insert(&state, color_of(plane_id[t{i}], at)); }}");
+            }
+        }
+        text.push_str("return state;\n}\n");
+    }
+    text
+}
+
+/// Orders k0, k1, … and t0, t1, … with them: by key, and of equal ones the later triangle first.
+fn order(text: &mut String, size: u32) {
+    // What is past the end has the greatest key, and stays there.
+    for (i, j) in network(size) {
+        let _ = writeln!(
+            text,
+            "{{ let s = k{j} < k{i}; let k = select(k{i}, k{j}, s); let t = select(t{i}, t{j}, s); \
+             k{j} = select(k{j}, k{i}, s); t{j} = select(t{j}, t{i}, s); k{i} = k; t{i} = t; }}"
+        );
+    }
+    if size < 2 {
+        return;
+    }
+    // Ties are seldom, and come apart.
+    let ties: Vec<_> = (1..size).map(|i| format!("(k{i} != HIDDEN && k{} == k{i})", i - 1)).collect();
+    let _ = writeln!(text, "var ties = {};\nwhile ties {{\nties = false;", ties.join(" || "));
+    for i in 1..size {
+        let h = i - 1;
+        let _ = writeln!(
+            text,
+            "if k{i} != HIDDEN && k{h} == k{i} && t{h} < t{i} {{ let t = t{h}; t{h} = t{i}; t{i} = t; ties = true; }}"
+        );
+    }
+    text.push_str("}\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_whole_units_and_go_on_to_classes_with_more_room() {
+        for depths in [[2, 4, 8], [16, 32, 64]] {
+            let classes = classes_of(depths);
+            for (i, c) in classes.iter().enumerate() {
+                assert_eq!((c.threads % UNIT, TILE_PIXELS % c.threads), (0, 0));
+                assert!(SIZES.contains(&c.depth), "the last network is as deep as the class");
+                if let Some(next) = classes.get(c.next) {
+                    assert!(c.next > i && next.depth >= c.depth && next.threads <= c.threads);
+                }
+            }
+        }
+    }
+}
