@@ -1,29 +1,5 @@
 // Plain blending by the hardware, unsorted: the wrong image of the same geometry, as a yardstick of speed.
 
-struct Eye {
-    rows: array<vec4f, 4>,
-    center_high: vec4f,
-    center_low: vec4f,
-    to_pixels: vec2f,
-    near: f32,
-    far: f32,
-    triangles: u32,
-    piece_capacity: u32,
-    pad0: u32,
-    pad1: u32,
-}
-
-struct MeshInfo {
-    first_triangle: u32,
-    first_vertex: u32,
-    first_color: u32,
-    rate: u32,
-    cull: u32,
-    flags: u32,
-    alpha_cutoff: f32,
-    is_double: u32,
-}
-
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> eye: Eye;
 @group(0) @binding(2) var<storage, read> positions: array<f32>;

@@ -1,4 +1,4 @@
-//! The pipelines `linked_list` and `prefix_sum` on Vulkan, Metal or DX12. Only this folder names wgpu.
+//! The pipelines `tiles`, `linked_list` and `prefix_sum` on Vulkan, Metal or DX12. Only this folder names wgpu.
 
 mod background;
 mod buffers;

@@ -158,6 +158,7 @@ mod tests {
     use std::mem::{offset_of, size_of};
 
     use super::*;
+    use crate::gpu::variant::Variant;
     use crate::gpu::variant::tests::plain;
     use crate::shader::Composed;
 
@@ -212,6 +213,58 @@ mod tests {
         same!(&opaque, MeshState { alpha_cutoff, is_opaque, cull, blend });
         same!(&long, LongPixel { pixel, first, count, kept, link, written, scanned, fragments });
         same!(&long, Round { width, long_count, chunk_count, first_pixel, by_order, pad0, pad1, pad2 });
+        let tiles = crate::gpu::tiles::modules(&Variant { tiles: true, ..plain() });
+        let [setup, bin, _, walk, ..] = tiles.as_slice() else { panic!("the modules of tiles") };
+        same!(
+            setup,
+            Eye {
+                rows,
+                center_high,
+                center_low,
+                to_pixels,
+                near,
+                far,
+                triangles,
+                piece_capacity,
+                pad0,
+                pad1
+            }
+        );
+        same!(
+            setup,
+            MeshInfo {
+                first_triangle,
+                first_vertex,
+                first_color,
+                rate,
+                cull,
+                flags,
+                alpha_cutoff,
+                is_double
+            }
+        );
+        same!(
+            bin,
+            Grid {
+                tiles_x,
+                tiles_y,
+                bins_x,
+                bins_y,
+                bin_shift,
+                triangles,
+                chunks,
+                blocks,
+                bin_capacity,
+                tile_capacity,
+                trips,
+                parts,
+                block,
+                first_row,
+                pad0,
+                pad1
+            }
+        );
+        same!(walk, Window { first, count, tiles_x, parts, first_row, pad0, pad1, pad2 });
         let (size, members) = wgsl(&long, "LongSample");
         assert_eq!(size, size_of::<LongSample>());
         assert_eq!(members[1], ("saved".to_string(), offset_of!(LongSample, saved)));

@@ -21,6 +21,7 @@ use crate::gpu::targets::{Targets, place};
 use crate::gpu::upload::Uploaded;
 use crate::gpu::variant::Variant;
 use crate::gpu::view::{eye_uniform, view_uniform};
+use crate::resolve::Resolve;
 use crate::scene::Scene;
 use crate::threads::threads;
 
@@ -86,7 +87,12 @@ fn describe(variant: &Variant, scene: &Scene, request: &Request, found: &Found, 
     stats.fragments = found.fragments;
     stats.max_depth_complexity = Some(found.deepest);
     stats.bands = found.bands;
-    plan::describe(variant, scene, request, stats);
+    stats.choose("samples", "1", "no masks");
+    Resolve::of(request, scene).describe(scene, "known from the triangle", stats);
+    stats.choose("lists", "none", "each tile's fragments are sorted in registers");
+    if variant.hides {
+        stats.choose("opaque geometry", "walked first", "the nearest of each pixel hides what is behind it");
+    }
     plan::describe_rect(found.counted.rect, request, stats);
     let tiles = request.width.div_ceil(TILE) * request.height.div_ceil(TILE);
     stats.choose(

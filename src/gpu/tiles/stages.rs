@@ -166,7 +166,7 @@ pub fn modules(v: &Variant) -> Vec<Composed> {
         opaque(v),
         keep(v, BuildStage::Count),
         keep(v, BuildStage::Scatter),
-        Composed::new(String::new(), &["common", "tiles/blending"]),
+        Composed::new(String::new(), &["common", "tiles/scene", "tiles/blending"]),
     ];
     let resolves = (0..CLASS_COUNT).map(|class| resolve(v, &classes, class, class % 2 == 0));
     // Long, and the same for most variants.
@@ -181,11 +181,32 @@ fn text(variant: &Variant, files: &[&str]) -> Result<Composed> {
 }
 
 fn setup(variant: &Variant) -> Result<Composed> {
-    text(variant, &["common", "exact", "tiles/triangle", "tiles/edges", "tiles/setup", "tiles/clip"])
+    text(
+        variant,
+        &[
+            "common",
+            "exact",
+            "tiles/triangle",
+            "tiles/edges",
+            "tiles/scene",
+            "tiles/setup",
+            "tiles/planes",
+            "tiles/clip",
+        ],
+    )
 }
 
 fn bin(variant: &Variant, classes: &[Class]) -> Result<Composed> {
-    let files = ["common", "exact", "tiles/triangle", "tiles/edges", "tiles/classes", "tiles/bin"];
+    let files = [
+        "common",
+        "exact",
+        "tiles/triangle",
+        "tiles/edges",
+        "tiles/classes",
+        "tiles/bin",
+        "tiles/bin_chunks",
+        "tiles/bin_tiles",
+    ];
     let mut composed = text(variant, &files)?;
     composed.push(&constants(classes), "classes".into());
     Ok(composed)

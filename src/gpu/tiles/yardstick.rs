@@ -131,7 +131,11 @@ impl Blending {
         (width, height): (u32, u32),
     ) -> Result<Self> {
         use Slot::{Read, Uniform};
-        let module = compile(gpu, "blending", &Composed::new(String::new(), &["common", "tiles/blending"])?)?;
+        let module = compile(
+            gpu,
+            "blending",
+            &Composed::new(String::new(), &["common", "tiles/scene", "tiles/blending"])?,
+        )?;
         gpu.checked("plain blending", || {
             let slots = [Uniform, Uniform, Read, Read, Read, Read, Read];
             let layout = layout(gpu, "blending", ShaderStages::VERTEX, &slots);
