@@ -11,11 +11,12 @@ use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyAr
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::camera::Camera;
 use crate::composite::{Lists as ListsOf, composite as composite_lists};
 use crate::cpu::Precision;
 use crate::error::Error;
 use crate::fragments::Background;
-use crate::frame::BlendOrder;
+use crate::frame::{BlendOrder, Request};
 use crate::gpu::device::{self, Adapter};
 use crate::methods::METHODS;
 use crate::png::encode;
@@ -90,19 +91,33 @@ where
     T: Precision + Element + bytemuck::Pod,
     T::Key: Element,
 {
+    let (output, request) = with_parts::<T, _>(py, meshes, camera, request, background, render::on_cpu)?;
+    to_dict(py, output, &request)
+}
+
+/// Calls into the core with what Python handed over, without the interpreter lock. Also gives the request.
+fn with_parts<'py, T, R>(
+    py: Python<'py>,
+    meshes: &[MeshParts<'py>],
+    camera: &CameraParts,
+    request: &RequestParts,
+    background: &Bound<'py, PyAny>,
+    call: impl FnOnce(&Scene, &Camera, &Request, Background<T>) -> crate::error::Result<R> + Send,
+) -> PyResult<(R, Request)>
+where
+    T: Precision + Element + bytemuck::Pod,
+    R: Send,
+{
     let camera = camera.camera()?;
     let request = request.request();
     let parts = BackgroundParts::<T>::of(background)?;
     let background = parts.background()?;
     let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
-    let output = py.detach(|| {
-        let scene = Scene::new(meshes)?;
-        render::on_cpu(&scene, &camera, &request, background)
-    })?;
-    to_dict(py, output, &request)
+    let result = py.detach(|| call(&Scene::new(meshes)?, &camera, &request, background))?;
+    Ok((result, request))
 }
 
-/// Renders with pipeline linked_list on an adapter, by its place in `adapters()`.
+/// Renders on an adapter, by its place in `adapters()`.
 #[pyfunction]
 fn render_gpu<'py>(
     py: Python<'py>,
@@ -112,15 +127,10 @@ fn render_gpu<'py>(
     request: RequestParts,
     background: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let camera = camera.camera()?;
-    let request = request.request();
-    let parts = BackgroundParts::<f32>::of(background)?;
-    let background = parts.background()?;
-    let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
-    let output = py.detach(|| {
-        let scene = Scene::new(meshes)?;
-        render::on_gpu(adapter, &scene, &camera, &request, background)
-    })?;
+    let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
+        render::on_gpu(adapter, scene, camera, request, background)
+    };
+    let (output, request) = with_parts(py, &meshes, &camera, &request, background, call)?;
     to_dict(py, output, &request)
 }
 
@@ -136,12 +146,10 @@ fn measure_gpu<'py>(
     background: &Bound<'py, PyAny>,
     frames: usize,
 ) -> PyResult<[crate::gpu::Times; 2]> {
-    let camera = camera.camera()?;
-    let request = request.request();
-    let parts = BackgroundParts::<f32>::of(background)?;
-    let background = parts.background()?;
-    let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
-    Ok(py.detach(|| render::measure(adapter, &Scene::new(meshes)?, &camera, &request, background, frames))?)
+    let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
+        render::measure(adapter, scene, camera, request, background, frames)
+    };
+    Ok(with_parts(py, &meshes, &camera, &request, background, call)?.0)
 }
 
 /// All adapters, best first.
