@@ -11,8 +11,6 @@
 const THREADS = 256u;
 const EACH = SCAN_BLOCK / THREADS;
 
-var<workgroup> sums: array<u32, 256>;
-
 fn block_of(group: vec3u, groups: vec3u) -> u32 {
     return group.y * groups.x + group.x;
 }
@@ -33,19 +31,7 @@ fn cs_scan(
             sum += values[first + i];
         }
     }
-    sums[local] = sum;
-    // Hillis and Steele 1986, over the threads.
-    for (var step = 1u; step < THREADS; step *= 2u) {
-        workgroupBarrier(); // sums of the step before are written
-        var left = 0u;
-        if local >= step {
-            left = sums[local - step];
-        }
-        workgroupBarrier(); // and read by all
-        sums[local] += left;
-    }
-    workgroupBarrier(); // the last step's sums are written
-    let before = sums[local] - sum;
+    let before = sum_before(sum, local);
     for (var i = 0u; i < EACH; i++) {
         if first + i < size.x {
             values[first + i] = own[i] + before;

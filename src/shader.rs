@@ -44,6 +44,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "build/fragment",
     "build/fragment_compare",
     "build/fragment_samples",
+    "sums",
     "scan",
     "gather",
     "lists/linked",

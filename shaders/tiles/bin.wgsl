@@ -167,22 +167,4 @@ fn count_all(slot: u32) -> u32 {
     return all;
 }
 
-var<workgroup> sums: array<u32, BLOCK>;
 var<workgroup> shared_first: u32;
-
-// The sum of `value` over the invocations before this one; the sum of all is left in sums[BLOCK - 1] (Hillis and
-// Steele 1986).
-fn scan(value: u32, local: u32) -> u32 {
-    sums[local] = value;
-    for (var step = 1u; step < BLOCK; step *= 2u) {
-        workgroupBarrier(); // sums of the step before are written
-        var left = 0u;
-        if local >= step {
-            left = sums[local - step];
-        }
-        workgroupBarrier(); // and read by all
-        sums[local] += left;
-    }
-    workgroupBarrier(); // the last step's sums are written
-    return sums[local] - value;
-}

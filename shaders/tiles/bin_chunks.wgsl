@@ -65,7 +65,7 @@ fn cs_offsets(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
         if c < grid.chunks {
             own = matrix[group.x * grid.chunks + c];
         }
-        let offset = scan(own, local);
+        let offset = sum_before(own, local);
         if c < grid.chunks {
             matrix[group.x * grid.chunks + c] = before + offset;
         }

@@ -116,7 +116,7 @@ fn cs_bin_tiles(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
             workgroupBarrier(); // the masks are read
         }
         if round == 0u {
-            let before = scan(own_count, local);
+            let before = sum_before(own_count, local);
             if local == BLOCK - 1u {
                 shared_first = atomicAdd(&counters.tile_entries, sums[BLOCK - 1u]);
             }

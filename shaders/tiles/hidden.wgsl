@@ -1,7 +1,5 @@
 // Opaque surfaces hide samples, not pixels. What lies at their depth is kept.
 
-@group(2) @binding(0) var<storage, read> opaque_keys: array<u32>;
-
 fn hidden(n: u32, pixel: vec2u, center: vec2f, mask: u32) -> u32 {
     var bits = 0u;
     for (var s = 0u; s < SAMPLES; s++) {

@@ -19,6 +19,18 @@ pub fn readable(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
     buffer(gpu, label, bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
 }
 
+/// A copy of a buffer's beginning that the CPU can read.
+pub fn copied(
+    gpu: &Gpu,
+    encoder: &mut wgpu::CommandEncoder,
+    buffer: &wgpu::Buffer,
+    bytes: u64,
+) -> wgpu::Buffer {
+    let copy = readable(gpu, "copy", bytes);
+    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
+    copy
+}
+
 /// A buffer with these contents.
 pub fn with_contents<T: bytemuck::Pod>(
     gpu: &Gpu,

@@ -121,7 +121,7 @@ impl Frame<'_> {
     pub fn read_group(&self, pool: &Pool, band: &wgpu::Buffer) -> wgpu::BindGroup {
         let opaque: Bound = match &self.raster {
             Raster::Hardware(_) => (&self.targets.opaque_color).into(),
-            Raster::Tiles(walker) => (&walker.opaque_colors).into(),
+            Raster::Tiles(walker) => (&walker.opaque.colors).into(),
         };
         bind(
             self.gpu,

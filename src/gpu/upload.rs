@@ -52,7 +52,7 @@ impl Uploaded {
             let made = Self {
                 positions: with_contents(gpu, "positions", storage, &arrays.positions),
                 position_rests: with_contents(gpu, "position rests", storage, &arrays.rests),
-                faces: with_contents(gpu, "faces", storage | BufferUsages::INDEX, &arrays.faces),
+                faces: with_contents(gpu, "faces", storage, &arrays.faces),
                 colors: with_contents(gpu, "colors", storage, &arrays.colors),
                 mesh_ids: with_contents(gpu, "mesh ids", storage, &arrays.mesh_ids),
                 meshes: with_contents(gpu, "meshes", storage, &arrays.meshes),

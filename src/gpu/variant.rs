@@ -297,7 +297,7 @@ impl Variant {
     }
 
     pub fn scan(&self) -> Result<Composed> {
-        Composed::new(self.prelude(1, 0), &["scan"])
+        Composed::new(self.prelude(1, 0), &["sums", "scan"])
     }
 
     fn sort_file(&self) -> &'static str {

@@ -6,7 +6,7 @@ use super::Context;
 use super::classes::{CLASS_COUNT, most_parts};
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
-use crate::gpu::buffers::{Bound, bind, indirect, readable, storage, with_contents};
+use crate::gpu::buffers::{Bound, bind, copied, indirect, storage, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::pool::Rect;
 use crate::gpu::resolve::TILE;
@@ -284,9 +284,7 @@ impl Bins {
 
     /// Copies what was counted to where the host can read it.
     pub fn read(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> wgpu::Buffer {
-        let copy = readable(gpu, "counters", 4 * COUNTER_WORDS);
-        encoder.copy_buffer_to_buffer(&self.counters, 0, &copy, 0, 4 * COUNTER_WORDS);
-        copy
+        copied(gpu, encoder, &self.counters, 4 * COUNTER_WORDS)
     }
 
     /// What was counted, or `None` where there was no room: now there is, or the band is smaller. `memory`: bytes that

@@ -4,17 +4,16 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::Context;
 use super::bins::{Bins, Counted};
 use super::classes::CLASS_COUNT;
-use super::walk::{opaque_buffers, window_length};
+use super::opaque::Opaque;
+use super::ready::Ready;
+use super::walk::window_length;
 use crate::error::{Error, Result};
-use crate::frame::{Lists, Request, Storage};
-use crate::gpu::buffers::{bind, readable, storage, with_contents};
+use crate::frame::{Lists, Request, Sort};
+use crate::gpu::buffers::{bind, copied, storage, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::timing::Timing;
-use crate::gpu::uniforms::Eye;
-use crate::gpu::upload::Uploaded;
 use crate::gpu::variant::Variant;
 
 /// Words of `Classes` in shaders/tiles/classes.wgsl.
@@ -32,9 +31,8 @@ pub fn is_enough(gpu: &Gpu, variant: &Variant, request: &Request) -> bool {
     let plain = variant.layout.samples == 1 && !variant.layout.mixed && variant.limit.is_none();
     let listed = matches!(request.lists, Lists::Translucent | Lists::All);
     // Nothing else is asked of the order that fragments are blended in.
-    let front = !variant.back_to_front() && variant.sort == crate::frame::Sort::Auto;
+    let front = !variant.back_to_front() && variant.sort == Sort::Auto;
     variant.tiles
-        && variant.storage == Storage::Contiguous
         && plain
         && front
         && !listed
@@ -47,8 +45,7 @@ pub struct Canvas {
     bins: Bins,
     image: wgpu::Buffer,
     counts: wgpu::Buffer,
-    opaque_keys: wgpu::Buffer,
-    opaque_colors: wgpu::Buffer,
+    opaque: Opaque,
     size: (u32, u32),
 }
 
@@ -87,47 +84,32 @@ impl Found {
 }
 
 impl Canvas {
-    pub fn new(
-        of: Context,
-        scene: &Uploaded,
-        (width, height): (u32, u32),
-        wants_counts: bool,
-        memory: u64,
-    ) -> Result<Self> {
-        let gpu = of.gpu;
-        let pixels = u64::from(width) * u64::from(height);
-        let bins = Bins::new(of, scene.triangles, (width, height), memory)?;
-        let (opaque_keys, opaque_colors) = opaque_buffers(of, (width, height))?;
+    pub fn new(of: &Ready, wants_counts: bool, memory: u64) -> Result<Self> {
+        let (size, context) = (of.size, of.context());
+        let gpu = context.gpu;
+        let pixels = u64::from(size.0) * u64::from(size.1);
+        let bins = Bins::new(context, of.scene.triangles, size, memory)?;
+        let opaque = Opaque::new(context, size)?;
         gpu.checked("the image", || {
             Ok(Self {
                 bins,
                 image: storage(gpu, "image", 16 * pixels),
                 counts: storage(gpu, "counts", if wants_counts { 4 * pixels } else { 0 }),
-                opaque_keys,
-                opaque_colors,
-                size: (width, height),
+                opaque,
+                size,
             })
         })
     }
 
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
-        let targets = self.opaque_keys.size() + self.opaque_colors.size();
         let image = self.image.size() + self.counts.size();
-        [&self.bins.bytes()[..], &[("targets", targets), ("image band", image)]].concat()
+        [&self.bins.bytes()[..], &[("targets", self.opaque.bytes()), ("image band", image)]].concat()
     }
 
     /// Renders. `None` where registers do not do: a pixel is deeper than any class, or a list longer than a software
     /// driver's loops.
-    pub fn render(
-        &mut self,
-        of: Context,
-        scene: &Uploaded,
-        eye: Eye,
-        background: &wgpu::TextureView,
-        wants_counts: bool,
-        memory: u64,
-    ) -> Result<Option<Found>> {
-        let gpu = of.gpu;
+    pub fn render(&mut self, of: &Ready, wants_counts: bool, memory: u64) -> Result<Option<Found>> {
+        let gpu = of.context().gpu;
         let mut found = Found::default();
         let mut first_row = 0;
         let mut tries = 0;
@@ -142,9 +124,7 @@ impl Canvas {
             }
             let timing = Timing::new(gpu);
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            gpu.checked("rendering tiles", || {
-                self.encode(of, scene, eye, background, wants_counts, &mut encoder, &timing)
-            })?;
+            gpu.checked("rendering tiles", || self.encode(of, wants_counts, &mut encoder, &timing))?;
             let counters = self.bins.read(gpu, &mut encoder);
             let classes = copied(gpu, &mut encoder, &self.bins.classes, 4 * CLASS_WORDS as u64);
             // With the last band all of the image comes back.
@@ -197,41 +177,31 @@ impl Canvas {
         Ok(words[0].get(CLASS_COUNT + 1).copied().unwrap_or(0).into())
     }
 
-    #[allow(clippy::too_many_arguments)]
     pub fn encode(
         &self,
-        of: Context,
-        scene: &Uploaded,
-        eye: Eye,
-        background: &wgpu::TextureView,
+        ready: &Ready,
         wants_counts: bool,
         encoder: &mut wgpu::CommandEncoder,
         timing: &Timing,
     ) -> Result<()> {
+        let (of, scene) = (ready.context(), &ready.scene);
         let (gpu, stages, variant) = (of.gpu, of.stages(), of.variant());
         // One pass: between passes a device idles longer than a small stage takes.
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("tiles"),
             timestamp_writes: timing.compute("tiles"),
         });
-        self.bins.encode(of, scene, eye, &mut pass)?;
+        self.bins.encode(of, scene, ready.eye, &mut pass)?;
         let grid = &self.bins.grid;
         let window = self.bins.window(0, u32::MAX);
         let window = with_contents(gpu, "window", BufferUsages::UNIFORM, &[window]);
         let walk = self.bins.walk_group(of, scene, &window);
+        pass.set_bind_group(0, &walk, &[]);
         if variant.hides {
-            let slots = [(&self.opaque_keys).into(), (&self.opaque_colors).into()];
-            let group = bind(gpu, "opaque", &stages.opaque_layout, &slots);
-            pass.set_pipeline(stages.opaque(gpu, variant)?);
-            pass.set_bind_group(0, &walk, &[]);
-            pass.set_bind_group(1, &group, &[]);
+            self.opaque.set_walk(of, &mut pass)?;
             pass.dispatch_workgroups(grid.tiles_x, grid.tiles_y, 1);
         }
         let pipelines = stages.resolve(gpu, variant, wants_counts)?;
-        let hidden = variant.hides.then(|| {
-            let slots = [(&self.opaque_keys).into(), (&self.opaque_colors).into()];
-            bind(gpu, "opaque", &stages.read_opaque_layout, &slots)
-        });
         let groups: Vec<_> = (0..CLASS_COUNT)
             .map(|class| {
                 let next = pipelines.classes[class].next;
@@ -241,15 +211,12 @@ impl Canvas {
                     (&self.bins.classes).into(),
                     (&self.bins.parts).into(),
                     (&self.bins.groups[next]).into(),
-                    background.into(),
+                    (&ready.background).into(),
                 ];
                 bind(gpu, "resolve", &stages.resolve_layout, &slots)
             })
             .collect();
-        pass.set_bind_group(0, &walk, &[]);
-        if let Some(hidden) = &hidden {
-            pass.set_bind_group(2, hidden, &[]);
-        }
+        self.opaque.set_read(of, &mut pass);
         for (class, group) in groups.iter().enumerate() {
             pass.set_pipeline(&pipelines.resolve[class]);
             pass.set_bind_group(1, group, &[]);
@@ -257,11 +224,4 @@ impl Canvas {
         }
         Ok(())
     }
-}
-
-/// A copy of a buffer's beginning that the host can read.
-fn copied(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer, bytes: u64) -> wgpu::Buffer {
-    let copy = readable(gpu, "copy", bytes);
-    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
-    copy
 }

@@ -4,6 +4,8 @@
 mod bins;
 mod classes;
 mod image;
+mod opaque;
+mod ready;
 mod render;
 mod stages;
 mod walk;

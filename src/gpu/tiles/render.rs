@@ -2,28 +2,23 @@
 
 use std::time::Instant;
 
-use wgpu::BufferUsages;
-
 use super::bins::Counted;
 use super::classes::{CLASS_COUNT, CLASS_NAMES};
 use super::image::{Canvas, Found};
-use super::{Context, is_enough};
+use super::is_enough;
+use super::ready::Ready;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::Background;
 use crate::frame::{Lists, Output, Request, Stats, allocate};
-use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
 use crate::gpu::plan;
 use crate::gpu::pool::{DEFAULT_MEMORY, Rect};
 use crate::gpu::resolve::TILE;
-use crate::gpu::targets::{Targets, place};
-use crate::gpu::upload::Uploaded;
+use crate::gpu::targets::place;
 use crate::gpu::variant::Variant;
-use crate::gpu::view::{eye_uniform, view_uniform};
 use crate::resolve::Resolve;
 use crate::scene::Scene;
-use crate::threads::threads;
 
 /// Renders, or leaves it to the stages that keep lists: `None` where something asks for those, or a pixel is too deep.
 pub fn render(
@@ -45,22 +40,11 @@ pub fn render(
     let mut stats = Stats { device: gpu.adapter.name.clone(), ..Stats::default() };
     let wants_counts = request.lists == Lists::Count;
     let clock = Instant::now();
-    let uploaded = Uploaded::new(gpu, scene)?;
-    let depths = threads()?.install(|| camera.depth_extent(scene));
-    let center = camera.center(depths);
-    let rows = camera.clip_rows(center);
-    let pipelines = gpu.pipelines(&variant);
-    let (view, targets) = gpu.checked("the view", || {
-        let uniform = view_uniform(camera, &rows, depths, request, background);
-        let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[uniform]);
-        Ok((view, Targets::new(gpu, &variant, (width, height), background)?))
-    })?;
-    let of = Context { gpu, pipelines: &pipelines, view: &view };
-    let eye = eye_uniform(camera, &rows, center, (width, height));
-    let mut canvas = Canvas::new(of, &uploaded, (width, height), wants_counts, memory)?;
+    let ready = Ready::new(gpu, &variant, (scene, camera), request, background)?;
+    let mut canvas = Canvas::new(&ready, wants_counts, memory)?;
     stats.stage("upload", clock);
 
-    let Some(found) = canvas.render(of, &uploaded, eye, &targets.background, wants_counts, memory)? else {
+    let Some(found) = canvas.render(&ready, wants_counts, memory)? else {
         return Ok(None);
     };
     let mut image = allocate("the image", request.pixels(), [f32::NAN; 4])?;
@@ -76,7 +60,7 @@ pub fn render(
     };
     describe(&variant, scene, request, &found, &mut stats);
     stats.bytes = canvas.bytes();
-    stats.bytes.push(("geometry", uploaded.bytes));
+    stats.bytes.push(("geometry", ready.scene.bytes));
     Ok(Some(Output { image, counts, background: None, fragments: None, stats }))
 }
 

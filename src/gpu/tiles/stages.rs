@@ -23,7 +23,6 @@ pub struct Stages {
     pub bin_layout: wgpu::BindGroupLayout,
     pub walk_layout: wgpu::BindGroupLayout,
     pub opaque_layout: wgpu::BindGroupLayout,
-    pub hidden_layout: wgpu::BindGroupLayout,
     setup: OnceLock<Setup>,
     bin: OnceLock<Bin>,
     opaque: OnceLock<wgpu::ComputePipeline>,
@@ -67,7 +66,6 @@ impl Stages {
             bin_layout: of("tile binning", 2, 3, 8),
             walk_layout: of("tile walk", 2, 10, 0),
             opaque_layout: of("tile opaque", 0, 0, 2),
-            hidden_layout: of("tile hidden", 0, 1, 0),
             setup: OnceLock::new(),
             bin: OnceLock::new(),
             opaque: OnceLock::new(),
@@ -146,7 +144,7 @@ impl Stages {
             let module = compile(gpu, "tile lists", &keep(variant, stage)?)?;
             let mut groups = vec![&self.walk_layout, lists];
             if variant.hides {
-                groups.push(&self.hidden_layout);
+                groups.push(&self.read_opaque_layout);
             }
             Ok(compute_uncleared(gpu, &module, "cs_keep", &groups))
         })
@@ -202,6 +200,7 @@ fn bin(variant: &Variant, classes: &[Class]) -> Result<Composed> {
         "exact",
         "tiles/triangle",
         "tiles/edges",
+        "sums",
         "tiles/classes",
         "tiles/bin",
         "tiles/bin_chunks",
@@ -255,8 +254,12 @@ fn opaque(variant: &Variant) -> Result<Composed> {
 }
 
 fn keep(variant: &Variant, stage: BuildStage) -> Result<Composed> {
-    let hidden = if variant.hides { "tiles/hidden" } else { "tiles/hidden_none" };
-    let mut files = [&WALK[..], &["tiles/keep", hidden], &variant.nodes()].concat();
+    let mut files = [&WALK[..], &["tiles/keep"], &variant.nodes()].concat();
+    files.extend(if variant.hides {
+        &["tiles/opaque_read", "tiles/hidden"][..]
+    } else {
+        &["tiles/hidden_none"]
+    });
     match stage {
         BuildStage::Scatter => files.extend(["build/scatter", "build/write"]),
         _ => files.extend(["build/count", "build/read_none"]),

@@ -4,9 +4,10 @@ use wgpu::BufferUsages;
 
 use super::Context;
 use super::bins::{Bins, Counted};
+use super::opaque::Opaque;
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
-use crate::gpu::buffers::{bind, storage, with_contents};
+use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
 use crate::gpu::pool::Rect;
 use crate::gpu::resolve::TILE;
@@ -22,24 +23,12 @@ pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
     if gpu.adapter.is_software() { 60_000 / (9 * samples + 21) } else { 1 << 14 }
 }
 
-/// Of each sample the nearest opaque surface's key and colour; empty where nothing hides.
-pub fn opaque_buffers(of: Context, (width, height): (u32, u32)) -> Result<(wgpu::Buffer, wgpu::Buffer)> {
-    let Context { gpu, .. } = of;
-    let samples = if of.variant().hides { u64::from(of.variant().layout.samples) } else { 0 };
-    let all = u64::from(width) * u64::from(height) * samples;
-    gpu.checked("opaque surfaces", || {
-        Ok((storage(gpu, "opaque keys", 4 * all), storage(gpu, "opaque colours", 16 * all)))
-    })
-}
-
 /// A scene as one camera sees it, in tiles.
 pub struct Walker {
     scene: Uploaded,
     bins: Bins,
     pub counted: Counted,
-    /// Of each sample the nearest opaque surface's key, and its colour.
-    opaque_keys: wgpu::Buffer,
-    pub opaque_colors: wgpu::Buffer,
+    pub opaque: Opaque,
 }
 
 impl Walker {
@@ -60,7 +49,7 @@ impl Walker {
                  device=\"cpu\" and pipeline=\"linked_list\" keep more"
             )));
         }
-        let (opaque_keys, opaque_colors) = opaque_buffers(of, (width, height))?;
+        let opaque = Opaque::new(of, (width, height))?;
         // Pieces, then bins, then tiles: each may show the next demand.
         for _ in 0..4 {
             let timing = Timing::new(gpu);
@@ -80,7 +69,7 @@ impl Walker {
                 timing.read(times).into_iter().for_each(|(stage, ms)| add_time(stage.into_owned(), ms));
             }
             if let Some(counted) = bins.counted(gpu, &words[0], memory, false)? {
-                return Ok(Self { scene, bins, counted, opaque_keys, opaque_colors });
+                return Ok(Self { scene, bins, counted, opaque });
             }
         }
         Err(Error::Device(format!(
@@ -90,8 +79,7 @@ impl Walker {
     }
 
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
-        let targets = self.opaque_keys.size() + self.opaque_colors.size();
-        [&self.bins.bytes()[..], &[("geometry", self.scene.bytes), ("targets", targets)]].concat()
+        [&self.bins.bytes()[..], &[("geometry", self.scene.bytes), ("targets", self.opaque.bytes())]].concat()
     }
 
     /// A dispatch for each part of the tiles' lists, each a workgroup for each of `tiles`.
@@ -113,20 +101,11 @@ impl Walker {
         encoder: &mut wgpu::CommandEncoder,
         timing: &Timing,
     ) -> Result<()> {
-        let (gpu, stages) = (of.gpu, of.stages());
-        let pipeline = stages.opaque(gpu, of.variant())?;
-        let group = bind(
-            gpu,
-            "opaque",
-            &stages.opaque_layout,
-            &[(&self.opaque_keys).into(), (&self.opaque_colors).into()],
-        );
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("opaque"),
             timestamp_writes: timing.compute("opaque"),
         });
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(1, &group, &[]);
+        self.opaque.set_walk(of, &mut pass)?;
         let grid = &self.bins.grid;
         self.encode_windows(of, &mut pass, (grid.tiles_x, grid.tiles_y));
         Ok(())
@@ -143,18 +122,14 @@ impl Walker {
         encoder: &mut wgpu::CommandEncoder,
         timing: &Timing,
     ) -> Result<()> {
-        let (gpu, stages, variant) = (of.gpu, of.stages(), of.variant());
-        let pipeline = stages.keep(gpu, variant, stage, lists.0)?;
+        let pipeline = of.stages().keep(of.gpu, of.variant(), stage, lists.0)?;
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("lists"),
             timestamp_writes: timing.compute(if stage == BuildStage::Count { "count" } else { "scatter" }),
         });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(1, lists.1, &[]);
-        if variant.hides {
-            let group = bind(gpu, "hidden", &stages.hidden_layout, &[(&self.opaque_keys).into()]);
-            pass.set_bind_group(2, &group, &[]);
-        }
+        self.opaque.set_read(of, &mut pass);
         let tiles = |start: u32, length: u32| (start + length).div_ceil(TILE) - start / TILE;
         self.encode_windows(of, &mut pass, (tiles(rect.x0, rect.w), tiles(rect.y0, rect.h)));
         Ok(())

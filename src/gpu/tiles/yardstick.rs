@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use wgpu::{BufferUsages, ShaderStages};
 
 use super::image::Canvas;
-use super::{Context, is_enough};
+use super::is_enough;
+use super::ready::Ready;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::fragments::Background;
@@ -16,13 +17,9 @@ use crate::gpu::device::Gpu;
 use crate::gpu::pipelines::{compile, pipeline_layout};
 use crate::gpu::plan;
 use crate::gpu::pool::DEFAULT_MEMORY;
-use crate::gpu::targets::Targets;
 use crate::gpu::timing::Timing;
-use crate::gpu::upload::Uploaded;
-use crate::gpu::view::{eye_uniform, view_uniform};
 use crate::scene::Scene;
 use crate::shader::Composed;
-use crate::threads::threads;
 
 /// Milliseconds of each frame's stages, and of all of it from the first begin to the last end ("gpu"); of tiles, then of
 /// plain blending, in turns.
@@ -43,37 +40,25 @@ pub fn measure(
     if !is_enough(gpu, &variant, request) {
         return Err(Error::Parameter("only an image with one sample and no lists is measured".into()));
     }
-    let size = (request.width, request.height);
-    let uploaded = Uploaded::new(gpu, scene)?;
-    let depths = threads()?.install(|| camera.depth_extent(scene));
-    let center = camera.center(depths);
-    let rows = camera.clip_rows(center);
-    let pipelines = gpu.pipelines(&variant);
-    let (view, targets) = gpu.checked("the view", || {
-        let uniform = view_uniform(camera, &rows, depths, request, background);
-        let view = with_contents(gpu, "view", BufferUsages::UNIFORM, &[uniform]);
-        Ok((view, Targets::new(gpu, &variant, size, background)?))
-    })?;
-    let of = Context { gpu, pipelines: &pipelines, view: &view };
-    let eye = eye_uniform(camera, &rows, center, size);
+    let ready = Ready::new(gpu, &variant, (scene, camera), request, background)?;
     let memory = request.memory.unwrap_or(DEFAULT_MEMORY);
-    let mut canvas = Canvas::new(of, &uploaded, size, false, memory)?;
-    let Some(found) = canvas.render(of, &uploaded, eye, &targets.background, false, memory)? else {
+    let mut canvas = Canvas::new(&ready, false, memory)?;
+    let Some(found) = canvas.render(&ready, false, memory)? else {
         return Err(Error::Parameter("some pixel is too deep for registers".into()));
     };
     if found.bands != 1 {
         return Err(Error::Parameter("bands are not measured: raise memory=".into()));
     }
-    let eye_buffer = with_contents(gpu, "eye", BufferUsages::UNIFORM, &[eye]);
-    let blending = Blending::new(gpu, &uploaded, &view, &eye_buffer, size)?;
+    let eye = with_contents(gpu, "eye", BufferUsages::UNIFORM, &[ready.eye]);
+    let blending = Blending::new(gpu, &ready, &eye)?;
     // Until the device's clock has risen.
     let clock = Instant::now();
     while clock.elapsed() < WARM_UP {
-        canvas.render(of, &uploaded, eye, &targets.background, false, memory)?;
+        canvas.render(&ready, false, memory)?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         gpu.checked("a frame", || {
             for _ in 0..20 {
-                blending.encode(3 * uploaded.triangles, &mut encoder, &Timing::new(gpu));
+                blending.encode(3 * ready.scene.triangles, &mut encoder, &Timing::new(gpu));
             }
             Ok(())
         })?;
@@ -86,10 +71,9 @@ pub fn measure(
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             gpu.checked("a frame", || {
                 if side == 0 {
-                    let (background, timing) = (&targets.background, &timing);
-                    canvas.encode(of, &uploaded, eye, background, false, &mut encoder, timing)?;
+                    canvas.encode(&ready, false, &mut encoder, &timing)?;
                 } else {
-                    blending.encode(3 * uploaded.triangles, &mut encoder, &timing);
+                    blending.encode(3 * ready.scene.triangles, &mut encoder, &timing);
                 }
                 timing.finish(&mut encoder);
                 gpu.queue.submit([encoder.finish()]);
@@ -123,13 +107,8 @@ struct Blending {
 }
 
 impl Blending {
-    fn new(
-        gpu: &Gpu,
-        scene: &Uploaded,
-        view: &wgpu::Buffer,
-        eye: &wgpu::Buffer,
-        (width, height): (u32, u32),
-    ) -> Result<Self> {
+    fn new(gpu: &Gpu, ready: &Ready, eye: &wgpu::Buffer) -> Result<Self> {
+        let (scene, (width, height)) = (&ready.scene, ready.size);
         use Slot::{Read, Uniform};
         let module = compile(
             gpu,
@@ -140,7 +119,7 @@ impl Blending {
             let slots = [Uniform, Uniform, Read, Read, Read, Read, Read];
             let layout = layout(gpu, "blending", ShaderStages::VERTEX, &slots);
             let arrays = [&scene.positions, &scene.faces, &scene.mesh_ids, &scene.meshes, &scene.colors];
-            let slots: Vec<_> = [view, eye].into_iter().chain(arrays).map(Into::into).collect();
+            let slots: Vec<_> = [&ready.view, eye].into_iter().chain(arrays).map(Into::into).collect();
             let group = bind(gpu, "blending", &layout, &slots);
             let target = wgpu::ColorTargetState {
                 format: TARGET,

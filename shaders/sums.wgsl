@@ -1,0 +1,19 @@
+// Sums over a workgroup of 256 (Hillis and Steele 1986).
+
+var<workgroup> sums: array<u32, 256>;
+
+// The sum of `value` over the invocations before this one; the sum of all is left in sums[255].
+fn sum_before(value: u32, local: u32) -> u32 {
+    sums[local] = value;
+    for (var step = 1u; step < 256u; step *= 2u) {
+        workgroupBarrier(); // sums of the step before are written
+        var left = 0u;
+        if local >= step {
+            left = sums[local - step];
+        }
+        workgroupBarrier(); // and read by all
+        sums[local] += left;
+    }
+    workgroupBarrier(); // the last step's sums are written
+    return sums[local] - value;
+}

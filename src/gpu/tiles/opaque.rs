@@ -1,0 +1,48 @@
+//! What opaque surfaces leave: of each sample the nearest one's key, and its colour.
+
+use super::Context;
+use crate::error::Result;
+use crate::gpu::buffers::{bind, storage};
+
+pub struct Opaque {
+    keys: wgpu::Buffer,
+    pub colors: wgpu::Buffer,
+}
+
+impl Opaque {
+    /// Empty where nothing hides.
+    pub fn new(of: Context, (width, height): (u32, u32)) -> Result<Self> {
+        let Context { gpu, .. } = of;
+        let samples = if of.variant().hides { u64::from(of.variant().layout.samples) } else { 0 };
+        let all = u64::from(width) * u64::from(height) * samples;
+        gpu.checked("opaque surfaces", || {
+            Ok(Self {
+                keys: storage(gpu, "opaque keys", 4 * all),
+                colors: storage(gpu, "opaque colours", 16 * all),
+            })
+        })
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.keys.size() + self.colors.size()
+    }
+
+    /// The walk over opaque geometry, but for what is walked: its pipeline and group 1.
+    pub fn set_walk(&self, of: Context, pass: &mut wgpu::ComputePass) -> Result<()> {
+        let stages = of.stages();
+        pass.set_pipeline(stages.opaque(of.gpu, of.variant())?);
+        pass.set_bind_group(1, &self.group(of, &stages.opaque_layout), &[]);
+        Ok(())
+    }
+
+    /// Group 2 of the walks that come after it, where something hides.
+    pub fn set_read(&self, of: Context, pass: &mut wgpu::ComputePass) {
+        if of.variant().hides {
+            pass.set_bind_group(2, &self.group(of, &of.stages().read_opaque_layout), &[]);
+        }
+    }
+
+    fn group(&self, of: Context, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
+        bind(of.gpu, "opaque", layout, &[(&self.keys).into(), (&self.colors).into()])
+    }
+}
