@@ -30,7 +30,7 @@ def measured(scene, camera, width, height, device, frames):
     }
     parts = [mesh._parts(()) for mesh in ab.Scene([scene]).meshes]
     view = camera._at(width, height)._parts(width, height)
-    sides = _core.measure_gpu(adapter, parts, view, request, [0.0, 0.0, 0.0, 0.0], frames)
+    sides = _core.Upload(adapter).measure(parts, view, request, [0.0, 0.0, 0.0, 0.0], frames)
     return [[dict(frame) for frame in side] for side in sides]
 
 

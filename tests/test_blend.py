@@ -437,12 +437,16 @@ def gpu(monkeypatch):
     """A GPU that raises what it is asked."""
     adapter = {"name": "Voodoo 2", "kind": "discrete", "backend": "vulkan", "driver": "", "lacks": None}
 
-    def refuse(adapter, meshes, camera, request, background):
-        raise AskedError([mesh["blend"] for mesh in meshes], request["blends"])
+    class Refusing:
+        def __init__(self, adapter):
+            pass
+
+        def render(self, meshes, camera, request, background):
+            raise AskedError([mesh["blend"] for mesh in meshes], request["blends"])
 
     monkeypatch.setattr("abuffer._core.adapters", lambda: [adapter])
     monkeypatch.setattr(tables, "_found", (None, []))
-    monkeypatch.setattr("abuffer._core.render_gpu", refuse)
+    monkeypatch.setattr("abuffer._core.Upload", Refusing)
 
 
 def test_a_gpu_needs_wgsl_of_every_blend(gpu):

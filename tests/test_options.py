@@ -1,6 +1,7 @@
 """The options of render: what they may be, who has them, and what the core is told."""
 
 import inspect
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -34,7 +35,8 @@ def asked(monkeypatch):
     monkeypatch.setattr("abuffer._core.adapters", lambda: [ADAPTER])
     monkeypatch.setattr(tables, "_found", (None, []))
     monkeypatch.setattr("abuffer._core.render_cpu", lambda meshes, camera, request, *_: refuse(request))
-    monkeypatch.setattr("abuffer._core.render_gpu", lambda adapter, meshes, camera, request, *_: refuse(request))
+    upload = SimpleNamespace(render=lambda meshes, camera, request, *_: refuse(request))
+    monkeypatch.setattr("abuffer._core.Upload", lambda adapter: upload)
 
     def ask(**arguments):
         with pytest.raises(AskedError) as caught:

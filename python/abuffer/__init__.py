@@ -16,6 +16,7 @@ from .fragments import Fragments
 from .frame import Frame
 from .mesh import Mesh
 from .render import render, render_triangles
+from .renderer import Renderer
 from .scene import Scene
 from .tables import devices, methods, pipelines
 
@@ -30,6 +31,7 @@ __all__ = [
     "Frame",
     "Mesh",
     "ParameterError",
+    "Renderer",
     "Scene",
     "SceneError",
     "ShaderError",

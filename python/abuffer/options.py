@@ -61,7 +61,9 @@ LARGEST_COLOR = {
 
 def warn_of_clamping(node_format, meshes, lists_opaque):
     """Warns where a node format cannot hold the colours of a mesh that is listed."""
-    largest = LARGEST_COLOR.get(node_format, np.inf)
+    largest = LARGEST_COLOR.get(node_format)
+    if largest is None:
+        return
     for mesh in meshes:
         most = mesh.colors[..., :3].max(initial=0)
         if most > largest and (lists_opaque or not mesh.opaque):
@@ -70,7 +72,7 @@ def warn_of_clamping(node_format, meshes, lists_opaque):
                 f"node_format {node_format!r} clamps colours to {largest:g}, and those of {of} reach {most:g}: "
                 'give "rgb9e5_alpha8_depth24" or "float32"',
                 UserWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
             return
 

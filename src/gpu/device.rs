@@ -1,7 +1,6 @@
 //! Adapters and devices: found once, made lazily, kept for the process.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pollster::block_on;
@@ -257,7 +256,7 @@ impl Gpu {
         }
     }
 
-    fn alive(&self) -> Result<()> {
+    pub fn alive(&self) -> Result<()> {
         match &*self.lost.lock().unwrap_or_else(PoisonError::into_inner) {
             None => Ok(()),
             Some(why) => Err(Error::Device(format!(
@@ -288,42 +287,5 @@ impl Gpu {
     pub fn exclusively<R>(&self, render: impl FnOnce() -> R) -> R {
         let _busy = self.busy.lock().unwrap_or_else(PoisonError::into_inner);
         render()
-    }
-
-    /// Submits, waits, and returns the contents of mappable buffers, as words: bytes may lie at any address.
-    pub fn submit_and_read(
-        &self,
-        encoder: wgpu::CommandEncoder,
-        buffers: &[&wgpu::Buffer],
-    ) -> Result<Vec<Vec<u32>>> {
-        self.checked("a submission", || {
-            self.queue.submit([encoder.finish()]);
-            let failed = Arc::new(AtomicBool::new(false));
-            for buffer in buffers {
-                let failed = failed.clone();
-                buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-                    failed.fetch_or(result.is_err(), Ordering::Relaxed);
-                });
-            }
-            self.device
-                .poll(wgpu::PollType::wait_indefinitely())
-                .map_err(|e| Error::Device(format!("waiting for {} failed: {e}", self.adapter.name)))?;
-            if failed.load(Ordering::Relaxed) {
-                self.alive()?;
-                return Err(Error::Device(format!("reading results back from {} failed", self.adapter.name)));
-            }
-            buffers
-                .iter()
-                .map(|buffer| {
-                    let view = buffer
-                        .get_mapped_range(..)
-                        .map_err(|e| Error::Device(format!("reading results back failed: {e}")))?;
-                    let words = bytemuck::pod_collect_to_vec(&view);
-                    drop(view);
-                    buffer.unmap();
-                    Ok(words)
-                })
-                .collect()
-        })
     }
 }

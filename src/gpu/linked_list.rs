@@ -15,6 +15,7 @@ use super::device::Gpu;
 use super::extent::Viewpoint;
 use super::fill::{Filled, Way};
 use super::geometry::{self, Geometry};
+use super::kept::Kept;
 use super::lists::Reader;
 use super::passes::{Frame, Raster};
 use super::plan;
@@ -22,7 +23,6 @@ use super::pool::{Budget, DEFAULT_MEMORY, Pool, Rect};
 use super::resolve::{Outcome, TILE};
 use super::targets::Targets;
 use super::tiles::{self, Walker};
-use super::upload::Uploaded;
 use super::variant::Variant;
 use super::view::{eye_uniform, view_uniform};
 use crate::camera::Camera;
@@ -34,12 +34,13 @@ use crate::scene::Scene;
 use crate::threads::threads;
 
 pub fn render(
-    gpu: &Gpu,
+    kept: &mut Kept,
     scene: &Scene,
     camera: &Camera,
     request: &Request,
     background: Background<f32>,
 ) -> Result<Output<f32>> {
+    let gpu = &kept.gpu.clone();
     let (width, height) = (request.width, request.height);
     let variant = plan::variant(gpu, scene, request)?;
     let mut stats = Stats { device: gpu.adapter.name.clone(), ..Stats::default() };
@@ -48,7 +49,7 @@ pub fn render(
 
     let clock = Instant::now();
     let (frame, codes, rect) =
-        upload(gpu, &variant, (scene, camera), request, &background, &budget, &mut stats)?;
+        upload((gpu, kept), &variant, (scene, camera), request, &background, &budget, &mut stats)?;
     stats.rejected_triangles = frame.raster.rejected();
     plan::describe_rect(rect, request, &mut stats);
     stats.stage("upload", clock);
@@ -89,6 +90,7 @@ pub fn render(
     });
 
     let mut band_lists = Vec::new();
+    let pool_key = (variant.clone(), budget.memory);
     let mut pool: Option<Pool> = None;
     let mut outcome = Outcome::default();
     let expected = match &frame.raster {
@@ -107,7 +109,11 @@ pub fn render(
         let wanted = known.unwrap_or(if parts > 1 { expected.min(budget.nodes) } else { expected });
         let mut fresh = match pool.take() {
             Some(pool) if pool.pixels >= rect.pixels() => pool,
-            _ => Pool::new(gpu, &variant, rect.pixels(), 1)?,
+            _ => kept.pool.take_if(
+                &pool_key,
+                |pool| pool.pixels >= rect.pixels(),
+                || Pool::new(gpu, &variant, rect.pixels(), 1),
+            )?,
         };
         let way = match (contiguous, !variant.tiles && budget.appends(wanted.max(fresh.capacity))) {
             (false, _) => Way::Link,
@@ -170,6 +176,12 @@ pub fn render(
     bytes.extend(frame.raster.bytes());
     bytes.extend(pool.iter().flat_map(Pool::bytes));
     bytes.push(("targets", frame.targets.bytes));
+    if let Some(pool) = pool {
+        kept.pool.put(pool_key, pool);
+    }
+    if let Raster::Tiles(walker) = frame.raster {
+        walker.leave(kept, &variant);
+    }
     Ok(output)
 }
 
@@ -183,7 +195,7 @@ fn recount(lists: &Fragments<f32>, output: &mut Output<f32>) {
 
 /// Brings the scene to the device. Also gives the codes of depths, and the rectangle that lists are made for.
 fn upload<'g>(
-    gpu: &'g Gpu,
+    (gpu, kept): (&'g Gpu, &mut Kept),
     variant: &Variant,
     (scene, camera): (&Scene, &Camera),
     request: &Request,
@@ -202,9 +214,10 @@ fn upload<'g>(
         if variant.tiles {
             let eye = eye_uniform(camera, &rows, center, (width, height));
             let of = tiles::Context { gpu, pipelines: &pipelines, view: &view };
-            let scene = Uploaded::new(gpu, scene)?;
+            plan::describe_upload(kept.has_scene(), stats);
+            let scene = kept.scene(scene)?;
             let add_time = |stage, ms| stats.add(stage, ms);
-            let walker = Walker::new(of, scene, eye, (width, height), budget.memory, add_time)?;
+            let walker = Walker::new(of, (kept, scene), eye, (width, height), budget.memory, add_time)?;
             let rect = walker.counted.rect;
             let frame = Frame {
                 gpu,

@@ -6,6 +6,7 @@ pub mod device;
 mod extent;
 mod fill;
 mod geometry;
+mod kept;
 mod linked_list;
 mod lists;
 mod long;
@@ -13,6 +14,7 @@ mod passes;
 mod pipelines;
 mod plan;
 mod pool;
+mod readback;
 mod resolve;
 mod scan;
 mod targets;
@@ -29,20 +31,20 @@ use crate::error::Result;
 use crate::fragments::Background;
 use crate::frame::{Output, Request};
 use crate::scene::Scene;
-use device::Gpu;
 
-pub use tiles::{Times, measure};
+pub use kept::Kept;
+pub use tiles::{Begun, Times, begin, measure};
 
-/// Renders with the pipeline that is asked for.
+/// Renders with the pipeline that is asked for. `kept` is of this scene.
 pub fn render(
-    gpu: &Gpu,
+    kept: &mut Kept,
     scene: &Scene,
     camera: &Camera,
     request: &Request,
     background: Background<f32>,
 ) -> Result<Output<f32>> {
-    match tiles::render(gpu, scene, camera, request, &background)? {
+    match tiles::render(kept, scene, camera, request, &background)? {
         Some(output) => Ok(output),
-        None => linked_list::render(gpu, scene, camera, request, background),
+        None => linked_list::render(kept, scene, camera, request, background),
     }
 }

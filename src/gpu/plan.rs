@@ -89,6 +89,13 @@ pub fn variant(gpu: &Gpu, scene: &Scene, request: &Request) -> Result<Variant> {
     })
 }
 
+/// Where the geometry came from.
+pub fn describe_upload(is_kept: bool, stats: &mut Stats) {
+    if is_kept {
+        stats.choose("geometry", "kept", "an earlier frame brought it to the device");
+    }
+}
+
 /// What is known before anything is drawn.
 pub fn describe(variant: &Variant, scene: &Scene, request: &Request, stats: &mut Stats) {
     let layout = &variant.layout;

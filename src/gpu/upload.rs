@@ -1,9 +1,11 @@
 //! The scene on the device, as it was given: vertices, faces and colours, which no camera changes.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 use wgpu::BufferUsages;
 
-use super::buffers::with_contents;
+use super::buffers::{storage, with_contents};
 use super::device::Gpu;
 use super::uniforms::MeshInfo;
 use crate::error::{Error, Result};
@@ -35,12 +37,11 @@ impl Uploaded {
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let arrays = threads()?.install(|| Arrays::of(scene));
         let largest = gpu.adapter.max_binding;
-        let biggest =
-            [size_of_val(&*arrays.positions), size_of_val(&*arrays.faces), size_of_val(&*arrays.colors)];
-        if let Some(&bytes) = biggest.iter().find(|&&bytes| bytes as u64 > largest) {
+        let biggest = [arrays.positions.bytes(), arrays.faces.bytes(), arrays.colors.bytes()];
+        if let Some(&bytes) = biggest.iter().find(|&&bytes| bytes > largest) {
             return Err(Error::Capacity {
                 what: "the scene's vertices, faces or colours".into(),
-                needed: bytes as u64,
+                needed: bytes,
                 limit: largest,
                 advice: "that is what this device binds at once: device=\"cpu\" has no such limit, and \
                          pipeline=\"linked_list\" takes geometry in parts"
@@ -48,15 +49,14 @@ impl Uploaded {
             });
         }
         gpu.checked("uploading the scene", || {
-            let storage = BufferUsages::STORAGE;
             let made = Self {
-                positions: with_contents(gpu, "positions", storage, &arrays.positions),
-                position_rests: with_contents(gpu, "position rests", storage, &arrays.rests),
-                faces: with_contents(gpu, "faces", storage, &arrays.faces),
-                colors: with_contents(gpu, "colors", storage, &arrays.colors),
-                mesh_ids: with_contents(gpu, "mesh ids", storage, &arrays.mesh_ids),
-                meshes: with_contents(gpu, "meshes", storage, &arrays.meshes),
-                triangles: arrays.mesh_ids.len() as u32,
+                positions: arrays.positions.upload(gpu, "positions"),
+                position_rests: arrays.rests.upload(gpu, "position rests"),
+                faces: arrays.faces.upload(gpu, "faces"),
+                colors: arrays.colors.upload(gpu, "colors"),
+                mesh_ids: arrays.mesh_ids.upload(gpu, "mesh ids"),
+                meshes: with_contents(gpu, "meshes", BufferUsages::STORAGE, &arrays.meshes),
+                triangles: arrays.mesh_ids.len as u32,
                 bytes: 0,
             };
             let all = [
@@ -73,56 +73,99 @@ impl Uploaded {
     }
 }
 
+/// One array of the device from those of the meshes, which are the user's own where they can be: such go to the device
+/// without another copy.
+struct Joined<'a, T: Clone> {
+    parts: Vec<Cow<'a, [T]>>,
+    len: usize,
+}
+
+impl<T: Clone> Default for Joined<'_, T> {
+    fn default() -> Self {
+        Self { parts: Vec::new(), len: 0 }
+    }
+}
+
+impl<'a, T: bytemuck::Pod> Joined<'a, T> {
+    fn push(&mut self, part: impl Into<Cow<'a, [T]>>) {
+        let part = part.into();
+        self.len += part.len();
+        self.parts.push(part);
+    }
+
+    fn bytes(&self) -> u64 {
+        (self.len * size_of::<T>()) as u64
+    }
+
+    fn upload(&self, gpu: &Gpu, label: &str) -> wgpu::Buffer {
+        let buffer = storage(gpu, label, self.bytes());
+        let mut offset = 0;
+        for part in &self.parts {
+            let bytes: &[u8] = bytemuck::cast_slice(part);
+            gpu.queue.write_buffer(&buffer, offset, bytes);
+            offset += bytes.len() as u64;
+        }
+        buffer
+    }
+}
+
 #[derive(Default)]
-struct Arrays {
-    positions: Vec<[f32; 3]>,
-    rests: Vec<[f32; 3]>,
-    faces: Vec<[u32; 3]>,
-    colors: Vec<[f32; 4]>,
-    mesh_ids: Vec<u32>,
+struct Arrays<'a> {
+    positions: Joined<'a, [f32; 3]>,
+    rests: Joined<'a, [f32; 3]>,
+    faces: Joined<'a, [u32; 3]>,
+    colors: Joined<'a, [f32; 4]>,
+    mesh_ids: Joined<'a, u32>,
     meshes: Vec<MeshInfo>,
 }
 
-impl Arrays {
-    fn of(scene: &Scene) -> Self {
+impl<'a> Arrays<'a> {
+    fn of(scene: &Scene<'a>) -> Self {
         let mut arrays = Self::default();
         for (id, mesh) in scene.meshes.iter().enumerate() {
             let faces = mesh.face_count();
-            let first_vertex = arrays.positions.len() as u32;
+            let first_vertex = arrays.positions.len as u32;
             let mut info = mesh_info(mesh);
             (info.first_triangle, info.first_vertex, info.first_color) =
-                (arrays.faces.len() as u32, first_vertex, arrays.colors.len() as u32);
+                (arrays.faces.len as u32, first_vertex, arrays.colors.len as u32);
             if faces == 0 {
                 arrays.meshes.push(info); // its colours would shift those of triangles
                 continue;
             }
             match mesh.positions {
-                Positions::F32(given) => arrays.positions.extend_from_slice(given),
+                Positions::F32(given) => arrays.positions.push(given),
                 Positions::F64(given) => {
                     info.is_double = u32::from(given.par_iter().flatten().any(|&v| split(v).1 != 0.0));
-                    arrays.positions.par_extend(given.par_iter().map(|p| p.map(|v| split(v).0)));
+                    let part = |of: fn((f32, f32)) -> f32| -> Vec<[f32; 3]> {
+                        given.par_iter().map(|p| p.map(|v| of(split(v)))).collect()
+                    };
+                    arrays.positions.push(part(|(high, _)| high));
                     if info.is_double == 1 {
                         // Vertices before these were floats.
-                        arrays.rests.resize(first_vertex as usize, [0.0; 3]);
-                        arrays.rests.par_extend(given.par_iter().map(|p| p.map(|v| split(v).1)));
+                        arrays.rests.push(vec![[0.0; 3]; first_vertex as usize - arrays.rests.len]);
+                        arrays.rests.push(part(|(_, rest)| rest));
                     }
                 }
             }
             match mesh.faces {
+                Some(given) if first_vertex == 0 => arrays.faces.push(given),
                 Some(given) => {
-                    arrays.faces.par_extend(given.par_iter().map(|face| face.map(|v| v + first_vertex)));
+                    let moved: Vec<_> = given.par_iter().map(|f| f.map(|v| v + first_vertex)).collect();
+                    arrays.faces.push(moved);
                 }
-                None => arrays.faces.par_extend(
-                    (0..faces as u32).into_par_iter().map(|f| [0, 1, 2].map(|i| first_vertex + 3 * f + i)),
-                ),
+                None => {
+                    let corners = |f| [0, 1, 2].map(|i| first_vertex + 3 * f + i);
+                    arrays.faces.push((0..faces as u32).into_par_iter().map(corners).collect::<Vec<_>>());
+                }
             }
             match mesh.colors.values {
-                ColorValues::F32(given) => arrays.colors.extend_from_slice(given),
+                ColorValues::F32(given) => arrays.colors.push(given),
                 ColorValues::F64(given) => {
-                    arrays.colors.par_extend(given.par_iter().map(|c| c.map(|v| v as f32)));
+                    let rounded: Vec<_> = given.par_iter().map(|c| c.map(|v| v as f32)).collect();
+                    arrays.colors.push(rounded);
                 }
             }
-            arrays.mesh_ids.resize(arrays.faces.len(), id as u32);
+            arrays.mesh_ids.push(vec![id as u32; faces]);
             arrays.meshes.push(info);
         }
         arrays

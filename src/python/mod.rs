@@ -5,6 +5,7 @@
 
 mod output;
 mod parts;
+mod upload;
 
 use bytemuck::cast_slice;
 use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
@@ -34,8 +35,8 @@ mod _core {
     const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
     use super::{
-        adapters, check_blend, composite, encode_png, measure_gpu, methods, render_cpu, render_gpu,
-        sample_positions,
+        adapters, check_blend, composite, encode_png, methods, render_cpu, sample_positions, upload::Begun,
+        upload::Upload,
     };
 }
 
@@ -115,41 +116,6 @@ where
     let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
     let result = py.detach(|| call(&Scene::new(meshes)?, &camera, &request, background))?;
     Ok((result, request))
-}
-
-/// Renders on an adapter, by its place in `adapters()`.
-#[pyfunction]
-fn render_gpu<'py>(
-    py: Python<'py>,
-    adapter: usize,
-    meshes: Vec<MeshParts<'py>>,
-    camera: CameraParts<'py>,
-    request: RequestParts,
-    background: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
-        render::on_gpu(adapter, scene, camera, request, background)
-    };
-    let (output, request) = with_parts(py, &meshes, &camera, &request, background, call)?;
-    to_dict(py, output, &request)
-}
-
-/// Measures frames on an adapter, of tiles and of plain blending in turns: of each a list of frames, of each frame
-/// pairs of a stage and its milliseconds, the last of them "gpu", from the first begin to the last end.
-#[pyfunction]
-fn measure_gpu<'py>(
-    py: Python<'py>,
-    adapter: usize,
-    meshes: Vec<MeshParts<'py>>,
-    camera: CameraParts<'py>,
-    request: RequestParts,
-    background: &Bound<'py, PyAny>,
-    frames: usize,
-) -> PyResult<[crate::gpu::Times; 2]> {
-    let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
-        render::measure(adapter, scene, camera, request, background, frames)
-    };
-    Ok(with_parts(py, &meshes, &camera, &request, background, call)?.0)
 }
 
 /// All adapters, best first.

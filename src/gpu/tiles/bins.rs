@@ -31,11 +31,30 @@ const PLANE_BYTES: u64 = 32;
 const SLOPE_BYTES: u64 = 16;
 const PIECE_BYTES: u64 = 24;
 
+/// What bins are made for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BinsKey {
+    pub triangles: u32,
+    pub size: (u32, u32),
+    pub colors: ColorsOf,
+    /// Bytes that lists may take.
+    pub memory: u64,
+}
+
+/// Entries that there is room for, or that are needed.
+#[derive(Debug, Clone, Copy)]
+pub struct Room {
+    pieces: u32,
+    bin_entries: u32,
+    tile_entries: u32,
+}
+
 pub struct Bins {
     /// Of the band that comes next.
     pub grid: Grid,
     /// Rows of tiles of the image, and of a band: those that there are bins and memory for at once.
     all_rows: u32,
+    most_rows: u32,
     rows: u32,
     pub rasters: wgpu::Buffer,
     pub boxes: wgpu::Buffer,
@@ -71,9 +90,8 @@ pub struct Counted {
 
 impl Bins {
     /// Room for a scene's triangles, and as many entries as one triangle mostly has.
-    pub fn new(of: Context, triangles: u32, (width, height): (u32, u32), memory: u64) -> Result<Self> {
-        let gpu = of.gpu;
-        let colors = of.variant().colors;
+    pub fn new(gpu: &Gpu, key: &BinsKey) -> Result<Self> {
+        let BinsKey { triangles, size: (width, height), colors, memory } = *key;
         let (has_gradients, by_triangle) = (colors == ColorsOf::Corners, colors == ColorsOf::Triangle);
         let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
         // The least bins of at least 4×4 tiles of which there is room for all; or as many rows of the largest.
@@ -126,6 +144,7 @@ impl Bins {
                 tile_entries: storage(gpu, "tile entries", 4 * u64::from(grid.tile_capacity)),
                 piece_capacity,
                 all_rows: tiles_y,
+                most_rows: rows,
                 rows,
                 grid,
             })
@@ -151,6 +170,12 @@ impl Bins {
 
     pub fn is_whole(&self) -> bool {
         self.grid.tiles_y == self.all_rows
+    }
+
+    /// Turns to the whole image, if there are bins for it.
+    pub fn turn_to_whole(&mut self) -> bool {
+        self.rows = self.most_rows; // earlier frames may have needed bands
+        self.turn_to(0) && self.is_whole()
     }
 
     pub fn is_last(&self) -> bool {
@@ -287,33 +312,21 @@ impl Bins {
         copied(gpu, encoder, &self.counters, 4 * COUNTER_WORDS)
     }
 
-    /// What was counted, or `None` where there was no room: now there is, or the band is smaller. `memory`: bytes that
-    /// lists may take. `cuts`: the image may be rendered in bands.
-    pub fn counted(&mut self, gpu: &Gpu, words: &[u32], memory: u64, cuts: bool) -> Result<Option<Counted>> {
-        let [rejected, _, pieces, bin_entries, tile_entries, longest, left, top, x1, y1, ..] = *words else {
-            return Err(Error::Device("the counters were not read back".into()));
-        };
-        if longest == u32::MAX {
-            return Err(Error::Unsupported(format!(
-                "{} ends loops too early to bin so many triangles in one place; pipeline=\"linked_list\" and \
-                 device=\"cpu\" do not mind",
-                gpu.adapter.name
-            )));
-        }
+    pub fn room(&self) -> Room {
+        let Grid { bin_capacity, tile_capacity, .. } = self.grid;
+        Room { pieces: self.piece_capacity, bin_entries: bin_capacity, tile_entries: tile_capacity }
+    }
+
+    /// Makes room, or the band smaller. `memory`: bytes that lists may take. `cuts`: the image may be rendered in bands.
+    pub fn grow(&mut self, gpu: &Gpu, to: Room, memory: u64, cuts: bool) -> Result<()> {
         let grid = &mut self.grid;
-        let (bin_fits, tile_fits) = (bin_entries <= grid.bin_capacity, tile_entries <= grid.tile_capacity);
-        if pieces <= self.piece_capacity && bin_fits && tile_fits {
-            let (x0, y0) = (65536 - left, 65536 - top);
-            let rect = (left > 0).then(|| Rect { x0, y0, w: x1 - x0, h: y1 - y0 });
-            return Ok(Some(Counted { rejected: rejected.into(), longest, entries: tile_entries, rect }));
-        }
-        let needed = 4 * (u64::from(bin_entries) + u64::from(tile_entries));
+        let needed = 4 * (u64::from(to.bin_entries) + u64::from(to.tile_entries));
         let limit = memory.min(gpu.adapter.max_binding);
         if needed > limit && cuts && grid.tiles_y > 1 {
             self.rows = (grid.tiles_y / 2).max(1);
             let first_row = grid.first_row;
             self.turn_to(first_row);
-            return Ok(None);
+            return Ok(());
         }
         if needed > limit {
             let what = if cuts { "one row of tiles" } else { "all tiles" };
@@ -326,20 +339,40 @@ impl Bins {
         }
         gpu.checked("the bins", || {
             let entries = |label: &str, capacity: u32| storage(gpu, label, 4 * u64::from(capacity));
-            if pieces > self.piece_capacity {
-                self.piece_capacity = pieces;
-                self.pieces = storage(gpu, "pieces", PIECE_BYTES * u64::from(pieces));
+            if to.pieces > self.piece_capacity {
+                self.piece_capacity = to.pieces;
+                self.pieces = storage(gpu, "pieces", PIECE_BYTES * u64::from(to.pieces));
             }
-            if !bin_fits {
-                grid.bin_capacity = bin_entries;
-                self.bin_entries = entries("bin entries", bin_entries);
+            if to.bin_entries > grid.bin_capacity {
+                grid.bin_capacity = to.bin_entries;
+                self.bin_entries = entries("bin entries", to.bin_entries);
             }
             // Of bins that were not whole nothing is known.
-            if !tile_fits {
-                grid.tile_capacity = tile_entries;
-                self.tile_entries = entries("tile entries", tile_entries);
+            if to.tile_entries > grid.tile_capacity {
+                grid.tile_capacity = to.tile_entries;
+                self.tile_entries = entries("tile entries", to.tile_entries);
             }
-            Ok(None)
+            Ok(())
         })
     }
+}
+
+/// What a frame counted that had this room; or the room that it needs.
+pub fn counted(gpu: &Gpu, words: &[u32], had: Room) -> Result<std::result::Result<Counted, Room>> {
+    let [rejected, _, pieces, bin_entries, tile_entries, longest, left, top, x1, y1, ..] = *words else {
+        return Err(Error::Device("the counters were not read back".into()));
+    };
+    if longest == u32::MAX {
+        return Err(Error::Unsupported(format!(
+            "{} ends loops too early to bin so many triangles in one place; pipeline=\"linked_list\" and \
+             device=\"cpu\" do not mind",
+            gpu.adapter.name
+        )));
+    }
+    if pieces > had.pieces || bin_entries > had.bin_entries || tile_entries > had.tile_entries {
+        return Ok(Err(Room { pieces, bin_entries, tile_entries }));
+    }
+    let (x0, y0) = (65536 - left, 65536 - top);
+    let rect = (left > 0).then(|| Rect { x0, y0, w: x1 - x0, h: y1 - y0 });
+    Ok(Ok(Counted { rejected: rejected.into(), longest, entries: tile_entries, rect }))
 }

@@ -2,6 +2,7 @@
 //! walks a tile's triangles with an invocation a pixel.
 
 mod bins;
+mod canvas;
 mod classes;
 mod image;
 mod opaque;
@@ -11,8 +12,10 @@ mod stages;
 mod walk;
 mod yardstick;
 
-use image::is_enough;
-pub use render::render;
+pub use bins::{Bins, BinsKey};
+pub use image::{Image, ImageKey, is_enough};
+pub use opaque::{Opaque, OpaqueKey};
+pub use render::{Begun, begin, render};
 pub use stages::Stages;
 #[cfg(test)]
 pub use stages::modules;

@@ -3,6 +3,18 @@
 use super::Context;
 use crate::error::Result;
 use crate::gpu::buffers::{bind, storage};
+use crate::gpu::device::Gpu;
+use crate::gpu::variant::Variant;
+
+/// Pixels, and samples of each that something hides in.
+#[derive(PartialEq)]
+pub struct OpaqueKey((u32, u32), u32);
+
+impl OpaqueKey {
+    pub fn of(variant: &Variant, size: (u32, u32)) -> Self {
+        Self(size, if variant.hides { variant.layout.samples } else { 0 })
+    }
+}
 
 pub struct Opaque {
     keys: wgpu::Buffer,
@@ -11,10 +23,9 @@ pub struct Opaque {
 
 impl Opaque {
     /// Empty where nothing hides.
-    pub fn new(of: Context, (width, height): (u32, u32)) -> Result<Self> {
-        let Context { gpu, .. } = of;
-        let samples = if of.variant().hides { u64::from(of.variant().layout.samples) } else { 0 };
-        let all = u64::from(width) * u64::from(height) * samples;
+    pub fn new(gpu: &Gpu, key: &OpaqueKey) -> Result<Self> {
+        let OpaqueKey((width, height), samples) = *key;
+        let all = u64::from(width) * u64::from(height) * u64::from(samples);
         gpu.checked("opaque surfaces", || {
             Ok(Self {
                 keys: storage(gpu, "opaque keys", 4 * all),

@@ -11,6 +11,7 @@ use crate::fragments::Background;
 use crate::frame::Request;
 use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
+use crate::gpu::kept::Kept;
 use crate::gpu::pipelines::Pipelines;
 use crate::gpu::targets::Targets;
 use crate::gpu::uniforms::Eye;
@@ -20,10 +21,10 @@ use crate::gpu::view::{eye_uniform, view_uniform};
 use crate::scene::Scene;
 use crate::threads::threads;
 
-pub struct Ready<'g> {
-    gpu: &'g Gpu,
+pub struct Ready {
+    pub gpu: Arc<Gpu>,
     pipelines: Arc<Pipelines>,
-    pub scene: Uploaded,
+    pub scene: Arc<Uploaded>,
     pub view: wgpu::Buffer,
     pub eye: Eye,
     /// The user's background, where that is an image.
@@ -31,9 +32,9 @@ pub struct Ready<'g> {
     pub size: (u32, u32),
 }
 
-impl<'g> Ready<'g> {
+impl Ready {
     pub fn new(
-        gpu: &'g Gpu,
+        kept: &mut Kept,
         variant: &Variant,
         (scene, camera): (&Scene, &Camera),
         request: &Request,
@@ -43,11 +44,12 @@ impl<'g> Ready<'g> {
         let depths = threads()?.install(|| camera.depth_extent(scene));
         let center = camera.center(depths);
         let rows = camera.clip_rows(center);
-        let scene = Uploaded::new(gpu, scene)?;
+        let scene = kept.scene(scene)?;
+        let gpu = &kept.gpu;
         gpu.checked("the view", || {
             let uniform = view_uniform(camera, &rows, depths, request, background);
             Ok(Self {
-                gpu,
+                gpu: gpu.clone(),
                 pipelines: gpu.pipelines(variant),
                 scene,
                 view: with_contents(gpu, "view", BufferUsages::UNIFORM, &[uniform]),
@@ -58,7 +60,11 @@ impl<'g> Ready<'g> {
         })
     }
 
+    pub fn variant(&self) -> &Variant {
+        &self.pipelines.variant
+    }
+
     pub fn context(&self) -> Context<'_> {
-        Context { gpu: self.gpu, pipelines: &self.pipelines, view: &self.view }
+        Context { gpu: &self.gpu, pipelines: &self.pipelines, view: &self.view }
     }
 }

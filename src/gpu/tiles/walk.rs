@@ -1,20 +1,23 @@
 //! Walks over the tiles of an image: what opaque geometry hides, and the fragments that stages keep in lists.
 
+use std::sync::Arc;
+
 use wgpu::BufferUsages;
 
 use super::Context;
-use super::bins::{Bins, Counted};
-use super::opaque::Opaque;
+use super::bins::{Bins, BinsKey, Counted, counted};
+use super::opaque::{Opaque, OpaqueKey};
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
+use crate::gpu::kept::Kept;
 use crate::gpu::pool::Rect;
 use crate::gpu::resolve::TILE;
 use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::Eye;
 use crate::gpu::upload::Uploaded;
-use crate::gpu::variant::BuildStage;
+use crate::gpu::variant::{BuildStage, Variant};
 
 /// Triangles of a tile's list that one dispatch walks: a few milliseconds, or on a software driver, with what each takes
 /// inside (up to seven pieces, their edges, and samples), below the 65,535 loop iterations after which Mesa's llvmpipe
@@ -25,8 +28,9 @@ pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
 
 /// A scene as one camera sees it, in tiles.
 pub struct Walker {
-    scene: Uploaded,
+    scene: Arc<Uploaded>,
     bins: Bins,
+    bins_key: BinsKey,
     pub counted: Counted,
     pub opaque: Opaque,
 }
@@ -35,21 +39,24 @@ impl Walker {
     /// Sets up and bins until everything has room. `memory`: bytes that lists of triangles may take.
     pub fn new(
         of: Context,
-        scene: Uploaded,
+        (kept, scene): (&mut Kept, Arc<Uploaded>),
         eye: Eye,
-        (width, height): (u32, u32),
+        size: (u32, u32),
         memory: u64,
         mut add_time: impl FnMut(String, f64),
     ) -> Result<Self> {
         let Context { gpu, .. } = of;
-        let mut bins = Bins::new(of, scene.triangles, (width, height), memory)?;
-        if !bins.is_whole() {
+        let bins_key = BinsKey { triangles: scene.triangles, size, colors: of.variant().colors, memory };
+        let mut bins = kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?;
+        if !bins.turn_to_whole() {
             return Err(Error::Unsupported(format!(
-                "tiles on a GPU keep lists of up to {MAX_BINS} bins of 256×256 pixels, got {width}×{height}; \
-                 device=\"cpu\" and pipeline=\"linked_list\" keep more"
+                "tiles on a GPU keep lists of up to {MAX_BINS} bins of 256×256 pixels, got {}×{}; \
+                 device=\"cpu\" and pipeline=\"linked_list\" keep more",
+                size.0, size.1
             )));
         }
-        let opaque = Opaque::new(of, (width, height))?;
+        let opaque_key = OpaqueKey::of(of.variant(), size);
+        let opaque = kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?;
         // Pieces, then bins, then tiles: each may show the next demand.
         for _ in 0..4 {
             let timing = Timing::new(gpu);
@@ -68,14 +75,21 @@ impl Walker {
             if let Some(times) = words.get(1) {
                 timing.read(times).into_iter().for_each(|(stage, ms)| add_time(stage.into_owned(), ms));
             }
-            if let Some(counted) = bins.counted(gpu, &words[0], memory, false)? {
-                return Ok(Self { scene, bins, counted, opaque });
+            match counted(gpu, &words[0], bins.room())? {
+                Ok(counted) => return Ok(Self { scene, bins, bins_key, counted, opaque }),
+                Err(needed) => bins.grow(gpu, needed, memory, false)?,
             }
         }
         Err(Error::Device(format!(
             "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
             gpu.adapter.name
         )))
+    }
+
+    /// Leaves what the next render can use.
+    pub fn leave(self, kept: &mut Kept, variant: &Variant) {
+        kept.opaque.put(OpaqueKey::of(variant, self.bins_key.size), self.opaque);
+        kept.bins.put(self.bins_key, self.bins);
     }
 
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {

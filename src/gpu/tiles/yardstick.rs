@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use wgpu::{BufferUsages, ShaderStages};
 
-use super::image::Canvas;
+use super::canvas::Canvas;
 use super::is_enough;
 use super::ready::Ready;
 use crate::camera::Camera;
@@ -14,6 +14,7 @@ use crate::fragments::Background;
 use crate::frame::Request;
 use crate::gpu::buffers::{Slot, bind, layout, with_contents};
 use crate::gpu::device::Gpu;
+use crate::gpu::kept::Kept;
 use crate::gpu::pipelines::{compile, pipeline_layout};
 use crate::gpu::plan;
 use crate::gpu::pool::DEFAULT_MEMORY;
@@ -29,21 +30,22 @@ const WARM_UP: Duration = Duration::from_millis(500);
 const TARGET: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 pub fn measure(
-    gpu: &Gpu,
+    kept: &mut Kept,
     scene: &Scene,
     camera: &Camera,
     request: &Request,
     background: &Background<f32>,
     frames: usize,
 ) -> Result<[Times; 2]> {
+    let gpu = &kept.gpu.clone();
     let variant = plan::variant(gpu, scene, request)?;
     if !is_enough(gpu, &variant, request) {
         return Err(Error::Parameter("only an image with one sample and no lists is measured".into()));
     }
-    let ready = Ready::new(gpu, &variant, (scene, camera), request, background)?;
+    let ready = Ready::new(kept, &variant, (scene, camera), request, background)?;
     let memory = request.memory.unwrap_or(DEFAULT_MEMORY);
-    let mut canvas = Canvas::new(&ready, false, memory)?;
-    let Some(found) = canvas.render(&ready, false, memory)? else {
+    let mut canvas = Canvas::new(&ready, false, memory, kept)?;
+    let Some(found) = canvas.render(&ready, memory)? else {
         return Err(Error::Parameter("some pixel is too deep for registers".into()));
     };
     if found.bands != 1 {
@@ -54,7 +56,7 @@ pub fn measure(
     // Until the device's clock has risen.
     let clock = Instant::now();
     while clock.elapsed() < WARM_UP {
-        canvas.render(&ready, false, memory)?;
+        canvas.render(&ready, memory)?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         gpu.checked("a frame", || {
             for _ in 0..20 {
@@ -71,7 +73,7 @@ pub fn measure(
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             gpu.checked("a frame", || {
                 if side == 0 {
-                    canvas.encode(&ready, false, &mut encoder, &timing)?;
+                    canvas.encode(&ready, &mut encoder, &timing)?;
                 } else {
                     blending.encode(3 * ready.scene.triangles, &mut encoder, &timing);
                 }

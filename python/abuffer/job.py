@@ -1,0 +1,176 @@
+"""A render, checked, as the core takes it; and a frame of what the core gives."""
+
+import inspect
+import numbers
+import os
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import _check, _core, tables
+from .blend import own_blends, require
+from .camera import Camera, _size
+from .errors import ParameterError
+from .fragments import Fragments
+from .frame import Frame, Plan, Stats
+from .layers import render_by_layers
+from .options import OPTIONS, all_of, warn_of_clamping
+from .options import samples as checked_samples
+from .scene import Scene, as_scene
+
+
+@dataclass(frozen=True)
+class Job:
+    """One render, whose arguments are checked.
+
+    Attributes:
+        adapter: its place in `_core.adapters()`, None for the CPU.
+        own: the Blends of the scene.
+        request, parts, view, behind: what the core takes.
+    """
+
+    scene: Scene
+    camera: Camera
+    adapter: int | None
+    plan: list
+    own: tuple
+    background: np.ndarray
+    request: dict
+    parts: list
+    view: dict
+    behind: object
+    dtype: type
+
+    def output(self, upload=None):
+        """What the core gives: of a GPU's `_core.Upload`, if there is one that has this scene."""
+        if self.adapter is not None:
+            upload = upload or _core.Upload(self.adapter)
+            return upload.render(self.parts, self.view, self.request, self.behind)
+        if self.own:
+            self.plan.append(("compositing", "numpy, in float64", "a Blend is a callable here"))
+            return render_by_layers(self.parts, self.view, self.request, self.behind, self.dtype, self.own)
+        return _core.render_cpu(self.parts, self.view, self.request, self.behind, self.dtype == np.float64)
+
+    def frame(self, output) -> Frame:
+        """The frame that `output` holds."""
+        request, scene, plan = self.request, self.scene, list(self.plan)
+        stats, shape, samples = output["stats"], (request["height"], request["width"]), request["samples"]
+        plan += [tuple(row) for row in stats.pop("plan", ())]
+        plan.append(
+            ("bands", str(stats["bands"]), "all fits in memory" if stats["bands"] == 1 else "to stay within memory")
+        )
+        if request["lists"] != "none" and stats["fragments"] == 0 and scene.triangle_count:
+            opaque = [mesh.opaque for mesh in scene.meshes if mesh.face_count]
+            why = (
+                'every mesh is opaque, and opaque surfaces are the background: fragments="all" lists them'
+                if all(opaque)
+                else "no translucent triangle covers a pixel in front of what is opaque"
+            )
+            plan.append(("fragments", "none", why))
+        lists = None
+        if "offsets" in output:
+            lists = Fragments._of(shape, output, output.get("background", self.background), samples, self.own)
+        each = (samples,) if request["msaa_resolve"] == "none" else ()
+        image = output["image"].reshape(*shape, *each, 4)
+        return Frame(image, output.get("counts"), lists, Stats(**stats), Plan(plan), self.camera)
+
+
+def prepared(
+    scene,
+    camera=None,
+    *,
+    width=None,
+    height=None,
+    method="exact",
+    pipeline="auto",
+    device="auto",
+    samples=1,
+    background=(0, 0, 0, 0),
+    fragments=False,
+    precision="float32",
+    memory=None,
+    **options,
+) -> Job:
+    """The job that `render` has with these arguments, which it documents."""
+    _check.choice("method", method, tables.METHODS)
+    _check.choice("pipeline", pipeline, ("auto", *tables.PIPELINES))
+    if isinstance(precision, (type, np.dtype)):  # np.float64, say
+        precision = np.dtype(precision).name
+    _check.choice("precision", precision, ("float32", "float64"))
+    _check.arguments("render", options, OPTIONS, f"method {method!r}", ARGUMENTS)
+    samples = checked_samples(samples)
+    if isinstance(fragments, np.bool_):
+        fragments = bool(fragments)
+    if not (isinstance(fragments, bool) or (isinstance(fragments, str) and fragments in ("count", "all"))):
+        raise ParameterError(f'fragments must be False, "count", True or "all", got {fragments!r}')
+    scene = as_scene(scene)
+    if camera is None:
+        camera = Camera.fit(scene)
+    elif not isinstance(camera, Camera):
+        raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
+    width, height = _image_size(width, height, camera, background)
+    camera = camera._at(width, height)
+    background = _check.background(background, (height, width))
+    plan = []
+    meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
+    own = own_blends(mesh.blend for mesh in meshes)
+    listed = fragments in (True, "all") or samples > 1 or any(mesh.blend != "over" for mesh in meshes) or bool(options)
+    wants = tables.Wants(samples=samples, numpy=any(blend.wgsl is None for blend in own), lists=listed)
+    adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
+    require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
+    request = all_of(options, pipeline) | {
+        "width": width,
+        "height": height,
+        "lists": {False: "none", True: "translucent"}.get(fragments, fragments),
+        "memory": _bytes(memory),
+        "samples": samples,
+        "pipeline": pipeline,
+        "blends": [(blend.name or "blend", blend.wgsl) for blend in own],
+    }
+    warn_of_clamping(request["node_format"], meshes, fragments == "all")
+    dtype = np.float64 if precision == "float64" else np.float32
+    behind = np.ascontiguousarray(background, dtype) if background.ndim == 3 else background.astype(np.float64).tolist()
+    return Job(
+        scene=scene,
+        camera=camera,
+        adapter=adapter,
+        plan=plan,
+        own=own,
+        background=background,
+        request=request,
+        parts=[mesh._parts(own) for mesh in meshes],
+        view=camera._parts(width, height),
+        behind=behind,
+        dtype=dtype,
+    )
+
+
+ARGUMENTS = tuple(name for name in inspect.signature(prepared).parameters if name != "options")
+
+
+def _image_size(width, height, camera, background):
+    if (width is None) != (height is None):
+        raise ParameterError("give both width and height, or neither")
+    if width is None:
+        image = np.shape(background)
+        width, height = camera._size or (image[1::-1] if len(image) == 3 else (640, 480))
+    return _size("width", width), _size("height", height)
+
+
+def _bytes(memory):
+    """Bytes from a number or text such as "2GiB", at most 2**63."""
+    if memory is None:
+        return None
+    if isinstance(memory, numbers.Real) and not isinstance(memory, bool):
+        size = memory
+    else:
+        pattern = r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?\s*"
+        match = re.fullmatch(pattern, memory, re.IGNORECASE) if isinstance(memory, str) else None
+        if not match:
+            raise ParameterError(f'memory must be bytes or text such as "2GiB", got {memory!r}')
+        number, prefix, binary = match.groups()
+        size = float(number) * (1024 if binary else 1000) ** " kmgt".index(prefix.lower() or " ")
+    if not size >= 1:  # NaN is not either
+        raise ParameterError(f"memory must be at least 1 byte, got {memory!r}")
+    return int(min(size, 2**63))  # infinity has no integer

@@ -1,0 +1,127 @@
+"""Scenes that stay on a device from one render to the next."""
+
+from collections import deque
+
+from . import _core, tables
+from .errors import ParameterError
+from .frame import Frame
+from .job import prepared
+from .scene import Scene, as_scene
+
+
+class Renderer:
+    """Renders scenes that are uploaded once, from as many cameras as there are.
+
+    The frames are those of `render`, to the bit. On a GPU, pipeline "tiles" sends the geometry of an uploaded scene once,
+    and keeps its buffers; "linked_list" and "prefix_sum" keep buffers, but bring positions to each eye on the host.
+
+    Args:
+        device: as in `render`.
+
+    >>> from abuffer import Camera, Mesh
+    >>> renderer = Renderer("cpu")
+    >>> triangle = renderer.upload(Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0, 0, .5)))
+    >>> cameras = [Camera.look_at((x, 0, 3), (0, 0, 0)) for x in (-1, 1)]
+    >>> [frame.image[24, 32].tolist() for frame in renderer.render_many(triangle, cameras, width=64, height=48)]
+    [[0.5, 0.0, 0.0, 0.5], [0.5, 0.0, 0.0, 0.5]]
+    """
+
+    def __init__(self, device="auto"):
+        tables.choose("auto", device, "float32", None, [])  # names the devices that there are, if this is none
+        self.device = device
+
+    def upload(self, scene) -> "UploadedScene":
+        """The scene as it is now, for this renderer. What is added to `scene` later is not in it.
+
+        Geometry goes to the device with the first frame that needs it there.
+
+        Args:
+            scene: Scene, or anything that `Scene.add` takes.
+
+        Raises:
+            SceneError: it is none of those.
+        """
+        return UploadedScene(self, Scene(as_scene(scene)))
+
+    def render(self, scene, camera=None, **arguments) -> Frame:
+        """A frame, like `render(scene, camera, device=..., **arguments)`.
+
+        Args:
+            scene: what `upload` returned, or a scene that is rendered once.
+            arguments: those of `render`, but for `device`.
+        """
+        scene = self._own(scene)
+        job = self._job(scene, camera, arguments)
+        return job.frame(job.output(scene._upload(job.adapter)))
+
+    def render_many(self, scene, cameras, **arguments):
+        """Yields a frame for each camera, in their order. While one is read back a GPU renders the next.
+
+        Only what is being rendered and read is held: any number of cameras will do.
+
+        Args:
+            scene: what `upload` returned, or a scene, which is then uploaded.
+            cameras: an iterable of Camera.
+            arguments: those of `render`, but for `device`; the same for all.
+        """
+        scene = self._own(scene)
+        waiting = deque()  # at most one frame, beside the one that begins
+        for camera in cameras:
+            try:
+                waiting.append(self._begun(scene, camera, arguments))
+            except Exception:
+                for finish in waiting:  # frames before this one have no part in its error
+                    yield finish()
+                raise
+            if len(waiting) > 1:
+                yield waiting.popleft()()
+        for finish in waiting:
+            yield finish()
+
+    def _begun(self, scene, camera, arguments):
+        """A function that returns the frame of a camera, which a GPU has begun if one submission does."""
+        job = self._job(scene, camera, arguments)
+        upload = scene._upload(job.adapter)
+        begun = upload and upload.begin(job.parts, job.view, job.request, job.behind)
+        if begun is None:
+            frame = job.frame(job.output(upload))
+            return lambda: frame
+        return lambda: job.frame(upload.finish(begun) or job.output(upload))
+
+    def _job(self, scene, camera, arguments):
+        if "device" in arguments:
+            raise ParameterError(f"device is the renderer's, {self.device!r}: make another Renderer for another device")
+        return prepared(scene.scene, camera, device=self.device, **arguments)
+
+    def _own(self, scene):
+        if not isinstance(scene, UploadedScene):
+            return self.upload(scene)
+        if scene.renderer is not self:
+            raise ParameterError("this scene was uploaded by another Renderer: upload it with this one")
+        return scene
+
+    def __repr__(self):
+        return f"Renderer({self.device!r})"
+
+
+class UploadedScene:
+    """A scene that a `Renderer` keeps on its device.
+
+    Attributes:
+        scene: the meshes, as they were.
+        renderer: whose it is.
+    """
+
+    def __init__(self, renderer, scene):
+        self.renderer = renderer
+        self.scene = scene
+        self._uploads = {}
+
+    def _upload(self, adapter):
+        """What the core keeps of this scene on an adapter; None for the CPU, which has it."""
+        if adapter is None:
+            return None
+        return self._uploads.setdefault(adapter, _core.Upload(adapter))
+
+    def __repr__(self):
+        return f"UploadedScene({self.scene!r})"

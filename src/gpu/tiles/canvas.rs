@@ -1,0 +1,169 @@
+//! One camera's image from setup to resolve: what it is made with, and the commands.
+
+use std::time::Instant;
+
+use wgpu::BufferUsages;
+
+use super::bins::{Bins, BinsKey, Room};
+use super::classes::CLASS_COUNT;
+use super::image::{Band, CLASS_WORDS, Ended, Found, Image, ImageKey};
+use super::opaque::{Opaque, OpaqueKey};
+use super::ready::Ready;
+use crate::error::{Error, Result};
+use crate::gpu::buffers::{bind, copied, with_contents};
+use crate::gpu::device::Gpu;
+use crate::gpu::kept::Kept;
+use crate::gpu::timing::Timing;
+
+/// Of a band: three demands, and as many halvings as a row has bits.
+const MOST_TRIES: u32 = 20;
+
+/// What one camera's image is made with. It may be used again for others of the same size.
+pub struct Canvas {
+    bins: Bins,
+    bins_key: BinsKey,
+    image: Image,
+    image_key: ImageKey,
+    opaque: Opaque,
+    opaque_key: OpaqueKey,
+}
+
+impl Canvas {
+    pub fn new(of: &Ready, wants_counts: bool, memory: u64, kept: &mut Kept) -> Result<Self> {
+        let (gpu, size, variant) = (&of.gpu, of.size, of.variant());
+        let bins_key = BinsKey { triangles: of.scene.triangles, size, colors: variant.colors, memory };
+        let image_key = ImageKey { size, counts: wants_counts };
+        let opaque_key = OpaqueKey::of(variant, size);
+        Ok(Self {
+            bins: kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?,
+            image: kept.image.take(&image_key, || Image::new(gpu, &image_key))?,
+            opaque: kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?,
+            bins_key,
+            image_key,
+            opaque_key,
+        })
+    }
+
+    /// Leaves what the next frame can use. A frame that is on its way has its commands already.
+    pub fn leave(self, kept: &mut Kept) {
+        kept.bins.put(self.bins_key, self.bins);
+        kept.image.put(self.image_key, self.image);
+        kept.opaque.put(self.opaque_key, self.opaque);
+    }
+
+    pub fn bytes(&self) -> Vec<(&'static str, u64)> {
+        let image = self.image.image.size() + self.image.counts.size();
+        [&self.bins.bytes()[..], &[("targets", self.opaque.bytes()), ("image band", image)]].concat()
+    }
+
+    /// Turns to the first band. Whether that is the whole image.
+    pub fn turn_to_first(&mut self) -> bool {
+        self.bins.turn_to(0) && self.bins.is_whole()
+    }
+
+    /// Renders. `None` where registers do not do.
+    pub fn render(&mut self, of: &Ready, memory: u64) -> Result<Option<Found>> {
+        let gpu = &of.gpu;
+        let mut found = Found::default();
+        let mut first_row = 0;
+        let mut tries = 0;
+        while self.bins.turn_to(first_row) {
+            // Pieces, then bins, then tiles: each may show the next demand; and each halving of the band.
+            tries += 1;
+            if tries > MOST_TRIES {
+                return Err(Error::Device(format!(
+                    "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
+                    gpu.adapter.name
+                )));
+            }
+            match self.submit_band(of)?.read(gpu, &mut found)? {
+                Ended::Found => {
+                    first_row = self.bins.end_row();
+                    tries = 0;
+                }
+                Ended::Needs(room) => self.bins.grow(gpu, room, memory, true)?,
+                Ended::TooDeep => return Ok(None),
+            }
+        }
+        Ok(Some(found))
+    }
+
+    pub fn grow(&mut self, gpu: &Gpu, room: Room, memory: u64) -> Result<()> {
+        self.bins.grow(gpu, room, memory, true)
+    }
+
+    /// Gives the device the band that bins are turned to.
+    pub fn submit_band(&self, of: &Ready) -> Result<Band> {
+        let gpu = &of.gpu;
+        let timing = Timing::new(gpu);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        gpu.checked("rendering tiles", || self.encode(of, &mut encoder, &timing))?;
+        let mut buffers = vec![
+            self.bins.read(gpu, &mut encoder),
+            copied(gpu, &mut encoder, &self.bins.classes, 4 * CLASS_WORDS as u64),
+        ];
+        let is_last = self.bins.is_last();
+        if is_last {
+            // With the last band all of the image comes back.
+            let pixels = u64::from(of.size.0) * u64::from(of.size.1);
+            buffers.push(copied(gpu, &mut encoder, &self.image.image, 16 * pixels));
+            if self.image_key.counts {
+                buffers.push(copied(gpu, &mut encoder, &self.image.counts, 4 * pixels));
+            }
+        }
+        let clock = Instant::now();
+        buffers.extend(timing.finish(&mut encoder).cloned());
+        let submitted = gpu.submit(encoder, buffers)?;
+        Ok(Band { submitted, timing, had: self.bins.room(), clock, key: self.image_key, is_last })
+    }
+
+    /// Fragments that the frame encoded last composited.
+    pub fn count_fragments(&self, gpu: &Gpu) -> Result<u64> {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let classes = copied(gpu, &mut encoder, &self.bins.classes, 4 * CLASS_WORDS as u64);
+        let words = gpu.submit_and_read(encoder, &[&classes])?;
+        Ok(words[0].get(CLASS_COUNT + 1).copied().unwrap_or(0).into())
+    }
+
+    pub fn encode(&self, ready: &Ready, encoder: &mut wgpu::CommandEncoder, timing: &Timing) -> Result<()> {
+        let (of, scene) = (ready.context(), &ready.scene);
+        let (gpu, stages, variant) = (of.gpu, of.stages(), of.variant());
+        // One pass: between passes a device idles longer than a small stage takes.
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("tiles"),
+            timestamp_writes: timing.compute("tiles"),
+        });
+        self.bins.encode(of, scene, ready.eye, &mut pass)?;
+        let grid = &self.bins.grid;
+        let window = self.bins.window(0, u32::MAX);
+        let window = with_contents(gpu, "window", BufferUsages::UNIFORM, &[window]);
+        let walk = self.bins.walk_group(of, scene, &window);
+        pass.set_bind_group(0, &walk, &[]);
+        if variant.hides {
+            self.opaque.set_walk(of, &mut pass)?;
+            pass.dispatch_workgroups(grid.tiles_x, grid.tiles_y, 1);
+        }
+        let pipelines = stages.resolve(gpu, variant, self.image_key.counts)?;
+        let groups: Vec<_> = (0..CLASS_COUNT)
+            .map(|class| {
+                let next = pipelines.classes[class].next;
+                let slots = [
+                    (&self.image.image).into(),
+                    (&self.image.counts).into(),
+                    (&self.bins.classes).into(),
+                    (&self.bins.parts).into(),
+                    (&self.bins.groups[next]).into(),
+                    (&ready.background).into(),
+                ];
+                bind(gpu, "resolve", &stages.resolve_layout, &slots)
+            })
+            .collect();
+        self.opaque.set_read(of, &mut pass);
+        for (class, group) in groups.iter().enumerate() {
+            pass.set_pipeline(&pipelines.resolve[class]);
+            pass.set_bind_group(1, group, &[]);
+            pass.dispatch_workgroups_indirect(&self.bins.groups[class], 0);
+        }
+        Ok(())
+    }
+}
