@@ -89,6 +89,7 @@ impl Upload {
             .take()
             .filter(|(_, kept)| Arc::ptr_eq(&kept.gpu, &gpu))
             .unwrap_or_else(|| (process, Kept::new(gpu.clone())));
+        kept.begin();
         let result = gpu.exclusively(|| gpu.checked(what, || call(&mut kept)));
         *slot = Some((process, kept));
         result

@@ -84,6 +84,8 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "tiles/bin_chunks",
     "tiles/bin_tiles",
     "tiles/walk",
+    "tiles/listed",
+    "tiles/listed_none",
     "tiles/lists",
     "tiles/opaque",
     "tiles/keep",

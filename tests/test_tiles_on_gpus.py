@@ -121,11 +121,11 @@ def test_hardware_does_not_have_these_bits():
         assert_same_lists(cpu, GPU.render(mesh, PERSPECTIVE, **SIZE, fragments=True))
 
 
-# ---- images of fragments that nothing lists ----
+# ---- what is resolved in registers: images alone, counts, and lists ----
 
 
 def assert_same_image(scene, camera, **options):
-    """Counts as on the CPU, and the image within roundings of it; without counts the same bits again."""
+    """Counts and lists as on the CPU, and the image within roundings of it; without them the same bits again."""
     cpu, gpu = both(scene, camera, **(options | {"fragments": "count"}))
     np.testing.assert_array_equal(gpu.counts, cpu.counts)
     assert (gpu.stats.fragments, gpu.stats.max_depth_complexity) == (
@@ -139,6 +139,11 @@ def assert_same_image(scene, camera, **options):
     assert np.abs(gpu.image - cpu.image).max() <= bound
     alone = GPU_TILES.render(scene, camera, **({**SIZE, "fragments": False} | options))
     np.testing.assert_array_equal(alone.image, gpu.image)
+    listed_cpu, listed = both(scene, camera, **options)
+    assert_same_lists(listed_cpu, listed)
+    np.testing.assert_array_equal(listed.image, gpu.image)
+    behind = listed_cpu.fragments.background
+    assert np.abs(listed.fragments.background - behind).max() <= (1e-4 if interpolated else 0)
     return gpu
 
 
@@ -204,11 +209,15 @@ def test_a_pixel_deeper_than_any_class_is_rendered_whole(n):
     assert frame.stats.max_depth_complexity == n
 
 
-def test_the_same_image_in_bands_where_memory_is_short():
+def two_layers():
+    """Small triangles, of which no pixel has many."""
     x, y = np.meshgrid(np.linspace(-1.4, 1.4, 60), np.linspace(-1.4, 1.4, 60))
-    at = np.stack([x, y, x * 0], axis=-1).reshape(-1, 1, 3)  # two layers of small triangles: no pixel is deep
-    p = np.concatenate([at + cloud(3600, 43, 0.02, 0), at + cloud(3600, 44, 0.02, 0)])
-    mesh = ab.Mesh(p, colors=colors((7200,)))
+    at = np.stack([x, y, x * 0], axis=-1).reshape(-1, 1, 3)
+    return np.concatenate([at + cloud(3600, 43, 0.02, 0), at + cloud(3600, 44, 0.02, 0)])
+
+
+def test_the_same_image_in_bands_where_memory_is_short():
+    mesh = ab.Mesh(two_layers(), colors=colors((7200,)))
     whole = GPU_TILES.render(mesh, PERSPECTIVE, width=320, height=320, fragments="count")
     several = GPU_TILES.render(mesh, PERSPECTIVE, width=320, height=320, fragments="count", memory=30_000)
     assert (whole.stats.bands, several.stats.bands > 1) == (1, True)
@@ -217,6 +226,32 @@ def test_the_same_image_in_bands_where_memory_is_short():
     np.testing.assert_array_equal(several.counts, whole.counts)
     with pytest.raises(ab.CapacityError, match="one row of tiles"):
         GPU_TILES.render(mesh, PERSPECTIVE, width=320, height=320, memory=1000)
+
+
+@pytest.mark.parametrize("memory", [None, 120_000, 50_000])
+def test_sorted_lists_come_in_as_many_bands_as_they_take(memory):
+    """Two layers of small triangles, so that registers do, and more fragments than a pixel is first given room for."""
+    mesh = ab.Mesh(two_layers(), colors=colors((7200,)))
+    cpu, gpu = both(mesh, PERSPECTIVE, width=320, height=320, memory=memory)
+    assert gpu.plan["lists"] == "sorted"
+    assert (gpu.stats.bands > 1) == (memory is not None)
+    assert_same_lists(cpu, gpu)
+
+
+def test_lists_that_do_not_fit_a_row_of_tiles_are_still_whole():
+    mesh = ab.Mesh(cloud(40, 5, 0.6), colors=colors((40,)))
+    cpu, gpu = both(mesh, PERSPECTIVE, memory=20_000)
+    assert gpu.plan["lists"] != "sorted"
+    assert_same_lists(cpu, gpu)
+
+
+def test_more_fragments_than_pixels_are_listed_whole():
+    flat = np.tile(np.float32([[-9, -9, 0], [9, -9, 0], [0, 9, 0]]), (7, 1, 1))
+    mesh = ab.Mesh(flat + np.arange(7)[:, None, None] * np.float32([0, 0, 0.1]), colors=(1, 0, 0, 0.5))
+    cpu, gpu = both(mesh, PERSPECTIVE)
+    assert gpu.plan["lists"] == "sorted"
+    assert gpu.stats.fragments == 7 * SIZE["width"] * SIZE["height"]
+    assert_same_lists(cpu, gpu)
 
 
 def test_an_image_of_one_triangle_more_is_seen():

@@ -9,6 +9,8 @@ struct Classes {
     deepest: atomic<u32>,
     // Tiles that hold triangles.
     filled_tiles: atomic<u32>,
+    // Fragments that room was asked for, which may exceed what there is.
+    listed: atomic<u32>,
 }
 
 const UNIT = 32u;

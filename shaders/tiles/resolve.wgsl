@@ -30,6 +30,13 @@ fn color_of(id: u32, at: vec2f) -> vec4f {
     return color_at(id, flags_of(rasters[id]), key_planes[id], at);
 }
 
+// Composites the i-th nearest fragment of a pixel.
+fn composite_one(state: ptr<function, State>, i: u32, id: u32, at: vec2f) {
+    let color = color_of(id, at);
+    insert(state, color);
+    keep(i, id, at, color);
+}
+
 fn behind(at: vec2u) -> vec4f {
     if HIDES {
         let color = opaque_colors[at.y * view.width + at.x];
@@ -106,6 +113,7 @@ fn resolve_part(part: u32, span: Span, local: u32) {
         return;
     }
     visible = gathered;
+    begin_list(gathered, local);
     let color = composite(gathered, local, pixel);
     if is_inside {
         let out = pixel.y * view.width + pixel.x;
@@ -113,6 +121,7 @@ fn resolve_part(part: u32, span: Span, local: u32) {
         if COUNTS {
             pixel_counts[out] = visible;
         }
+        end_list(out);
     }
     count_visible();
     workgroupBarrier(); // all are counted

@@ -27,9 +27,10 @@ struct Window {
     parts: u32,
     // The first row of tiles that there are lists of.
     first_row: u32,
+    // Fragments that there is room for where lists are kept.
+    list_capacity: u32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 struct Item {

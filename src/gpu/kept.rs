@@ -13,6 +13,8 @@ use crate::scene::Scene;
 pub struct Kept {
     pub gpu: Arc<Gpu>,
     scene: Option<Arc<Uploaded>>,
+    /// An earlier render uploaded it.
+    pub is_kept: bool,
     pub bins: Spare<BinsKey, Bins>,
     pub opaque: Spare<OpaqueKey, Opaque>,
     pub image: Spare<ImageKey, Image>,
@@ -23,11 +25,12 @@ pub struct Kept {
 impl Kept {
     pub fn new(gpu: Arc<Gpu>) -> Self {
         let (bins, opaque, image, pool) = Default::default();
-        Self { gpu, scene: None, bins, opaque, image, pool }
+        Self { gpu, scene: None, is_kept: false, bins, opaque, image, pool }
     }
 
-    pub fn has_scene(&self) -> bool {
-        self.scene.is_some()
+    /// A render begins.
+    pub fn begin(&mut self) {
+        self.is_kept = self.scene.is_some();
     }
 
     /// The scene, uploaded at the first call. It is the same scene each time.

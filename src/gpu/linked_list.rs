@@ -214,7 +214,7 @@ fn upload<'g>(
         if variant.tiles {
             let eye = eye_uniform(camera, &rows, center, (width, height));
             let of = tiles::Context { gpu, pipelines: &pipelines, view: &view };
-            plan::describe_upload(kept.has_scene(), stats);
+            plan::describe_upload(kept.is_kept, stats);
             let scene = kept.scene(scene)?;
             let add_time = |stage, ms| stats.add(stage, ms);
             let walker = Walker::new(of, (kept, scene), eye, (width, height), budget.memory, add_time)?;

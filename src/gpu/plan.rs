@@ -187,6 +187,7 @@ pub fn describe_outcome(
     let longest = format!("longest list {}", outcome.longest);
     stats.choose("resolve classes", if used.is_empty() { "none".into() } else { used.join(", ") }, longest);
     let why = match (draws, variant.storage) {
+        (2.., _) if variant.tiles => "counted, then scattered: nodes are held once",
         (0, _) => "nothing translucent is in view",
         (1, Storage::Linked) => "fragments are linked as they come",
         (1, Storage::Contiguous) => "appended, then gathered: nodes fit memory twice",

@@ -148,9 +148,9 @@ pub struct Window {
     pub tiles_x: u32,
     pub parts: u32,
     pub first_row: u32,
+    pub list_capacity: u32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 #[cfg(test)]
@@ -264,7 +264,7 @@ mod tests {
                 pad1
             }
         );
-        same!(walk, Window { first, count, tiles_x, parts, first_row, pad0, pad1, pad2 });
+        same!(walk, Window { first, count, tiles_x, parts, first_row, list_capacity, pad0, pad1 });
         let (size, members) = wgsl(&long, "LongSample");
         assert_eq!(size, size_of::<LongSample>());
         assert_eq!(members[1], ("saved".to_string(), offset_of!(LongSample, saved)));

@@ -8,7 +8,7 @@ use super::pipelines::DEPTH_FORMAT;
 use super::unrolled;
 use crate::error::Result;
 use crate::frame::{BlendOrder, LimitPolicy, MsaaResolve, Sort, Storage};
-use crate::node_format::NodeLayout;
+use crate::node_format::{NodeFormat, NodeLayout};
 use crate::samples::{full, pattern};
 use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
 
@@ -100,6 +100,14 @@ impl Variant {
 
     pub fn back_to_front(&self) -> bool {
         self.order == BlendOrder::BackToFront || !self.blends.is_empty()
+    }
+
+    /// The same with what nodes and their resolve are like left out, where there are none: one set of pipelines does.
+    pub fn without_nodes(self) -> Self {
+        let layout = NodeLayout::new(NodeFormat::Float32, 1, false, false);
+        let (storage, msaa, sort) = (Storage::Contiguous, MsaaResolve::PerPixel, Sort::Auto);
+        let classes = vec![1]; // the shader text has one
+        Self { layout, storage, msaa, sort, classes, fullscreen: false, ..self }
     }
 
     /// `temp`: entries of the temporary array. `class`: which class's, where it is one.

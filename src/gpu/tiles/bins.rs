@@ -3,7 +3,7 @@
 use wgpu::BufferUsages;
 
 use super::Context;
-use super::classes::{CLASS_COUNT, most_parts};
+use super::classes::{CLASS_COUNT, CLASS_WORDS, most_parts};
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{Bound, bind, copied, indirect, storage, with_contents};
@@ -133,7 +133,7 @@ impl Bins {
                 slopes: storage(gpu, "slopes", if has_gradients { SLOPE_BYTES * n } else { 0 }),
                 pieces: storage(gpu, "pieces", PIECE_BYTES * u64::from(piece_capacity)),
                 parts: storage(gpu, "parts", 4 * u64::from(grid.parts) * (CLASS_COUNT as u64 + 1)),
-                classes: storage(gpu, "classes", 4 * (CLASS_COUNT as u64 + 4)),
+                classes: storage(gpu, "classes", 4 * CLASS_WORDS as u64),
                 groups: std::array::from_fn(|_| indirect(gpu, "groups", 12)),
                 clip_list: storage(gpu, "clip list", 4 * n),
                 counters: storage(gpu, "counters", 4 * COUNTER_WORDS),
@@ -285,7 +285,7 @@ impl Bins {
     /// The part of the tiles' lists that a dispatch walks.
     pub fn window(&self, first: u32, count: u32) -> Window {
         let Grid { tiles_x, parts, first_row, .. } = self.grid;
-        Window { first, count, tiles_x, parts, first_row, pad0: 0, pad1: 0, pad2: 0 }
+        Window { first, count, tiles_x, parts, first_row, list_capacity: 0, pad0: 0, pad1: 0 }
     }
 
     /// What walks over tiles bind as group 0.
@@ -317,17 +317,26 @@ impl Bins {
         Room { pieces: self.piece_capacity, bin_entries: bin_capacity, tile_entries: tile_capacity }
     }
 
+    /// Bytes of what grows with the number of triangles in tiles.
+    pub fn entry_bytes(&self) -> u64 {
+        self.bin_entries.size() + self.tile_entries.size()
+    }
+
+    /// Makes the band smaller, if it can be.
+    pub fn halve(&mut self) -> bool {
+        let Grid { tiles_y, first_row, .. } = self.grid;
+        self.rows = (tiles_y / 2).max(1);
+        tiles_y > 1 && self.turn_to(first_row)
+    }
+
     /// Makes room, or the band smaller. `memory`: bytes that lists may take. `cuts`: the image may be rendered in bands.
     pub fn grow(&mut self, gpu: &Gpu, to: Room, memory: u64, cuts: bool) -> Result<()> {
-        let grid = &mut self.grid;
         let needed = 4 * (u64::from(to.bin_entries) + u64::from(to.tile_entries));
         let limit = memory.min(gpu.adapter.max_binding);
-        if needed > limit && cuts && grid.tiles_y > 1 {
-            self.rows = (grid.tiles_y / 2).max(1);
-            let first_row = grid.first_row;
-            self.turn_to(first_row);
+        if needed > limit && cuts && self.halve() {
             return Ok(());
         }
+        let grid = &mut self.grid;
         if needed > limit {
             let what = if cuts { "one row of tiles" } else { "all tiles" };
             return Err(Error::Capacity {

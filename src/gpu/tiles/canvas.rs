@@ -5,15 +5,17 @@ use std::time::Instant;
 use wgpu::BufferUsages;
 
 use super::bins::{Bins, BinsKey, Room};
-use super::classes::CLASS_COUNT;
-use super::image::{Band, CLASS_WORDS, Ended, Found, Image, ImageKey};
+use super::classes::{CLASS_COUNT, CLASS_WORDS};
+use super::image::{Band, Ended, Found, Image, ImageKey, values};
 use super::opaque::{Opaque, OpaqueKey};
 use super::ready::Ready;
+use super::stages::Leaves;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{bind, copied, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::kept::Kept;
 use crate::gpu::timing::Timing;
+use crate::gpu::uniforms::Window;
 
 /// Of a band: three demands, and as many halvings as a row has bits.
 const MOST_TRIES: u32 = 20;
@@ -29,10 +31,10 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    pub fn new(of: &Ready, wants_counts: bool, memory: u64, kept: &mut Kept) -> Result<Self> {
+    pub fn new(of: &Ready, leaves: Leaves, memory: u64, kept: &mut Kept) -> Result<Self> {
         let (gpu, size, variant) = (&of.gpu, of.size, of.variant());
         let bins_key = BinsKey { triangles: of.scene.triangles, size, colors: variant.colors, memory };
-        let image_key = ImageKey { size, counts: wants_counts };
+        let image_key = ImageKey { size, leaves, memory };
         let opaque_key = OpaqueKey::of(variant, size);
         Ok(Self {
             bins: kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?,
@@ -52,8 +54,7 @@ impl Canvas {
     }
 
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
-        let image = self.image.image.size() + self.image.counts.size();
-        [&self.bins.bytes()[..], &[("targets", self.opaque.bytes()), ("image band", image)]].concat()
+        [&self.bins.bytes()[..], &[("targets", self.opaque.bytes())], &self.image.bytes()].concat()
     }
 
     /// Turns to the first band. Whether that is the whole image.
@@ -61,7 +62,7 @@ impl Canvas {
         self.bins.turn_to(0) && self.bins.is_whole()
     }
 
-    /// Renders. `None` where registers do not do.
+    /// Renders. `None` where registers do not do, or lists do not fit.
     pub fn render(&mut self, of: &Ready, memory: u64) -> Result<Option<Found>> {
         let gpu = &of.gpu;
         let mut found = Found::default();
@@ -77,14 +78,30 @@ impl Canvas {
                 )));
             }
             match self.submit_band(of)?.read(gpu, &mut found)? {
-                Ended::Found => {
+                Ended::Found(fragments) => {
                     first_row = self.bins.end_row();
                     tries = 0;
+                    if let Some(listed) = &self.image.listed {
+                        found.listed.push(listed.read(gpu, fragments, first_row)?);
+                    }
                 }
-                Ended::Needs(room) => self.bins.grow(gpu, room, memory, true)?,
+                Ended::Needs(room) => match self.bins.grow(gpu, room, memory, true) {
+                    Err(Error::Capacity { .. }) if self.image.listed.is_some() => return Ok(None),
+                    grown => grown?,
+                },
+                Ended::NeedsFragments(fragments) => {
+                    // Bins and lists share what there is.
+                    let left = memory.saturating_sub(self.bins.entry_bytes());
+                    let listed = self.image.listed.as_mut();
+                    let fits = listed.map_or(Ok(false), |listed| listed.grow(gpu, fragments, left))?;
+                    if !fits && !self.bins.halve() {
+                        return Ok(None);
+                    }
+                }
                 Ended::TooDeep => return Ok(None),
             }
         }
+        self.bins.turn_to(0);
         Ok(Some(found))
     }
 
@@ -107,14 +124,36 @@ impl Canvas {
             // With the last band all of the image comes back.
             let pixels = u64::from(of.size.0) * u64::from(of.size.1);
             buffers.push(copied(gpu, &mut encoder, &self.image.image, 16 * pixels));
-            if self.image_key.counts {
+            if self.image_key.leaves != Leaves::Color {
                 buffers.push(copied(gpu, &mut encoder, &self.image.counts, 4 * pixels));
+            }
+            if let Some(listed) = &self.image.listed {
+                buffers.push(copied(gpu, &mut encoder, &listed.starts, 4 * pixels));
             }
         }
         let clock = Instant::now();
         buffers.extend(timing.finish(&mut encoder).cloned());
         let submitted = gpu.submit(encoder, buffers)?;
-        Ok(Band { submitted, timing, had: self.bins.room(), clock, key: self.image_key, is_last })
+        Ok(Band {
+            submitted,
+            timing,
+            had: self.bins.room(),
+            clock,
+            key: self.image_key,
+            list_capacity: self.image.list_capacity(),
+            is_last,
+        })
+    }
+
+    /// What opaque surfaces show of the frame that was rendered last.
+    pub fn read_opaque(&self, of: &Ready) -> Result<Vec<[f32; 4]>> {
+        let gpu = &of.gpu;
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let pixels = of.size.0 as usize * of.size.1 as usize;
+        let copy = gpu.checked("the opaque surfaces", || {
+            Ok(copied(gpu, &mut encoder, &self.opaque.colors, 16 * pixels as u64))
+        })?;
+        values(gpu.submit_and_read(encoder, &[&copy])?.pop(), pixels)
     }
 
     /// Fragments that the frame encoded last composited.
@@ -135,7 +174,7 @@ impl Canvas {
         });
         self.bins.encode(of, scene, ready.eye, &mut pass)?;
         let grid = &self.bins.grid;
-        let window = self.bins.window(0, u32::MAX);
+        let window = Window { list_capacity: self.image.list_capacity(), ..self.bins.window(0, u32::MAX) };
         let window = with_contents(gpu, "window", BufferUsages::UNIFORM, &[window]);
         let walk = self.bins.walk_group(of, scene, &window);
         pass.set_bind_group(0, &walk, &[]);
@@ -143,11 +182,12 @@ impl Canvas {
             self.opaque.set_walk(of, &mut pass)?;
             pass.dispatch_workgroups(grid.tiles_x, grid.tiles_y, 1);
         }
-        let pipelines = stages.resolve(gpu, variant, self.image_key.counts)?;
+        let leaves = self.image_key.leaves;
+        let pipelines = stages.resolve(gpu, variant, leaves)?;
         let groups: Vec<_> = (0..CLASS_COUNT)
             .map(|class| {
                 let next = pipelines.classes[class].next;
-                let slots = [
+                let mut slots = vec![
                     (&self.image.image).into(),
                     (&self.image.counts).into(),
                     (&self.bins.classes).into(),
@@ -155,7 +195,9 @@ impl Canvas {
                     (&self.bins.groups[next]).into(),
                     (&ready.background).into(),
                 ];
-                bind(gpu, "resolve", &stages.resolve_layout, &slots)
+                let listed = self.image.listed.iter();
+                slots.extend(listed.flat_map(|l| [(&l.starts).into(), (&l.fragments).into()]));
+                bind(gpu, "resolve", stages.resolve_layout(leaves), &slots)
             })
             .collect();
         self.opaque.set_read(of, &mut pass);

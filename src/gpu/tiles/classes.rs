@@ -6,6 +6,8 @@ use crate::gpu::device::Gpu;
 use crate::gpu::unrolled::network;
 
 pub const CLASS_COUNT: usize = 6;
+/// Words of `Classes` in shaders/tiles/classes.wgsl.
+pub const CLASS_WORDS: usize = CLASS_COUNT + 1 + 4;
 /// For people.
 pub const CLASS_NAMES: [&str; CLASS_COUNT] =
     ["triangles", "more triangles", "masks, short", "masks, longer", "masks, long", "staged"];
@@ -171,15 +173,17 @@ pub fn composite_masks(depth: u32, has_gradients: bool) -> String {
                 let _ = writeln!(
                     text,
                     "let w{i} = {};\nfor (var i = {i}u; i < min({}u, visible); i++) {{ \
-                     insert(&state, color_of(plane_id[(w{i} >> (8u * (i - {i}u))) & 255u], at)); }}",
+                     composite_one(&state, i, plane_id[(w{i} >> (8u * (i - {i}u))) & 255u], at); }}",
                     bytes.join(" | "),
                     i + 4
                 );
             }
         } else {
             for i in 0..size {
-                let _ =
-                    writeln!(text, "if k{i} != HIDDEN {{ insert(&state, color_of(plane_id[t{i}], at)); }}");
+                let _ = writeln!(
+                    text,
+                    "if k{i} != HIDDEN {{ composite_one(&state, {i}u, plane_id[t{i}], at); }}"
+                );
             }
         }
         text.push_str("return state;\n}\n");

@@ -5,6 +5,7 @@ mod bins;
 mod canvas;
 mod classes;
 mod image;
+mod listed;
 mod opaque;
 mod ready;
 mod render;

@@ -8,7 +8,9 @@ use super::canvas::Canvas;
 use super::classes::{CLASS_COUNT, CLASS_NAMES};
 use super::image::{Band, Ended, Found};
 use super::is_enough;
+use super::listed::assemble;
 use super::ready::Ready;
+use super::stages::Leaves;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::Background;
@@ -29,7 +31,7 @@ pub fn render(
     background: &Background<f32>,
 ) -> Result<Option<Output<f32>>> {
     match Frame::new(kept, scene, camera, request, background)? {
-        Some((frame, canvas)) => frame.render(canvas, kept),
+        Some((frame, canvas)) => frame.render(canvas, kept, background),
         None => Ok(None),
     }
 }
@@ -48,6 +50,9 @@ pub fn begin(
     request: &Request,
     background: &Background<f32>,
 ) -> Result<Option<Begun>> {
+    if matches!(request.lists, Lists::Translucent | Lists::All) {
+        return Ok(None); // fetched once it is known how long they are
+    }
     let Some((frame, mut canvas)) = Frame::new(kept, scene, camera, request, background)? else {
         return Ok(None);
     };
@@ -65,12 +70,12 @@ impl Begun {
         }
         let mut found = Found::default();
         match band.read(&kept.gpu, &mut found)? {
-            Ended::Found => Ok(Some(frame.output(found))),
-            Ended::TooDeep => Ok(None),
+            Ended::Found(_) => frame.output(found, None).map(Some),
+            Ended::TooDeep | Ended::NeedsFragments(_) => Ok(None),
             Ended::Needs(room) => {
-                let mut canvas = Canvas::new(&frame.ready, frame.wants_counts, frame.memory, kept)?;
+                let mut canvas = Canvas::new(&frame.ready, frame.leaves, frame.memory, kept)?;
                 canvas.grow(&kept.gpu, room, frame.memory)?;
-                frame.render(canvas, kept)
+                frame.render(canvas, kept, &Background::Constant([0.0; 4])) // nobody asks what is behind lists
             }
         }
     }
@@ -79,7 +84,8 @@ impl Begun {
 /// All that one image takes.
 struct Frame {
     ready: Ready,
-    wants_counts: bool,
+    leaves: Leaves,
+    perspective: bool,
     memory: u64,
     request: Request,
     stats: Stats,
@@ -96,23 +102,33 @@ impl Frame {
         let gpu = kept.gpu.clone();
         let variant = plan::variant(&gpu, scene, request)?;
         // An image in parts is what lists have.
-        if !is_enough(&gpu, &variant, request) || 16 * request.pixels() as u64 > gpu.adapter.max_binding {
+        if !is_enough(&gpu, &variant, scene, request)
+            || 16 * request.pixels() as u64 > gpu.adapter.max_binding
+        {
             return Ok(None);
         }
         let mut stats = Stats { device: gpu.adapter.name.clone(), ..Stats::default() };
         let clock = Instant::now();
-        let (wants_counts, memory) =
-            (request.lists == Lists::Count, request.memory.unwrap_or(DEFAULT_MEMORY));
-        let is_kept = kept.has_scene();
+        let leaves = match request.lists {
+            Lists::None => Leaves::Color,
+            Lists::Count => Leaves::Counts,
+            Lists::Translucent | Lists::All => Leaves::Lists,
+        };
+        let variant = variant.without_nodes();
+        let memory = request.memory.unwrap_or(DEFAULT_MEMORY);
         let ready = Ready::new(kept, &variant, (scene, camera), request, background)?;
-        let canvas = Canvas::new(&ready, wants_counts, memory, kept)?;
+        let canvas = Canvas::new(&ready, leaves, memory, kept)?;
         stats.stage("upload", clock);
         stats.bytes = canvas.bytes();
         stats.bytes.push(("geometry", ready.scene.bytes));
-        plan::describe_upload(is_kept, &mut stats);
+        plan::describe_upload(kept.is_kept, &mut stats);
         stats.choose("samples", "1", "no masks");
         Resolve::of(request, scene).describe(scene, "known from the triangle", &mut stats);
-        stats.choose("lists", "none", "each tile's fragments are sorted in registers");
+        let (lists, why) = match leaves {
+            Leaves::Lists => ("sorted", "a tile's fragments are sorted in registers, then kept"),
+            Leaves::Color | Leaves::Counts => ("none", "each tile's fragments are sorted in registers"),
+        };
+        stats.choose("lists", lists, why);
         if variant.hides {
             stats.choose(
                 "opaque geometry",
@@ -120,23 +136,61 @@ impl Frame {
                 "the nearest of each pixel hides what is behind it",
             );
         }
-        let frame = Self { ready, wants_counts, memory, request: request.clone(), stats };
+        let frame = Self {
+            ready,
+            leaves,
+            perspective: camera.is_perspective(),
+            memory,
+            request: request.clone(),
+            stats,
+        };
         Ok(Some((frame, canvas)))
     }
 
-    fn render(mut self, mut canvas: Canvas, kept: &mut Kept) -> Result<Option<Output<f32>>> {
-        let found = canvas.render(&self.ready, self.memory)?;
+    fn render(
+        mut self,
+        mut canvas: Canvas,
+        kept: &mut Kept,
+        background: &Background<f32>,
+    ) -> Result<Option<Output<f32>>> {
+        let Some(found) = canvas.render(&self.ready, self.memory)? else {
+            canvas.leave(kept);
+            return Ok(None);
+        };
+        let behind = (self.leaves == Leaves::Lists && self.ready.variant().hides)
+            .then(|| canvas.read_opaque(&self.ready))
+            .transpose()?
+            .map(|mut colors| {
+                let nothing = |(_, color): &(usize, &mut [f32; 4])| color[3] != 1.0;
+                colors
+                    .iter_mut()
+                    .enumerate()
+                    .filter(nothing)
+                    .for_each(|(i, color)| *color = background.at(i));
+                colors
+            });
         self.stats.bytes = canvas.bytes();
         self.stats.bytes.push(("geometry", self.ready.scene.bytes));
         canvas.leave(kept);
-        Ok(found.map(|found| self.output(found)))
+        self.output(found, behind).map(Some)
     }
 
-    fn output(self, mut found: Found) -> Output<f32> {
-        let Self { request, mut stats, .. } = self;
+    /// `background`: straight, opaque surfaces included, where they are behind lists.
+    fn output(self, mut found: Found, background: Option<Vec<[f32; 4]>>) -> Result<Output<f32>> {
+        let Self { request, mut stats, perspective, .. } = self;
         describe(&request, &found, &mut stats);
         let (image, counts) = (std::mem::take(&mut found.image), found.counts.take());
-        Output { image, counts, background: None, fragments: None, stats }
+        let clock = Instant::now();
+        let fragments = match &counts {
+            Some(counts) if self.leaves == Leaves::Lists => {
+                Some(assemble(&found.listed, &found.starts, counts, request.width, perspective)?)
+            }
+            _ => None,
+        };
+        if fragments.is_some() {
+            stats.stage("lists", clock);
+        }
+        Ok(Output { image, counts, background, fragments, stats })
     }
 }
 

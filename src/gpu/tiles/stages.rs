@@ -28,10 +28,18 @@ pub struct Stages {
     opaque: OnceLock<wgpu::ComputePipeline>,
     keep: [OnceLock<wgpu::ComputePipeline>; 2],
     pub start_layout: wgpu::BindGroupLayout,
-    pub resolve_layout: wgpu::BindGroupLayout,
+    resolve_layouts: [wgpu::BindGroupLayout; 2],
     pub read_opaque_layout: wgpu::BindGroupLayout,
-    /// Without counts, and with them.
-    resolve: [OnceLock<Resolve>; 2],
+    /// By what they leave.
+    resolve: [OnceLock<Resolve>; 3],
+}
+
+/// What a resolve leaves of a pixel: its colour, and with it the number of its fragments, and with that the fragments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Leaves {
+    Color,
+    Counts,
+    Lists,
 }
 
 /// The classes, and the pipeline of each.
@@ -71,12 +79,10 @@ impl Stages {
             opaque: OnceLock::new(),
             keep: Default::default(),
             start_layout: of("start", 0, 0, 1 + CLASS_COUNT),
-            resolve_layout: layout(
-                gpu,
-                "tile resolve",
-                ShaderStages::COMPUTE,
-                &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, ReadWrite, Slot::Color],
-            ),
+            resolve_layouts: [0, 2].map(|lists| {
+                let slots = [vec![ReadWrite; 5], vec![Slot::Color], vec![ReadWrite; lists]].concat();
+                layout(gpu, "tile resolve", ShaderStages::COMPUTE, &slots)
+            }),
             read_opaque_layout: of("opaque surfaces", 0, 2, 0),
             resolve: Default::default(),
         }
@@ -115,16 +121,21 @@ impl Stages {
         })
     }
 
+    /// Of group 1.
+    pub fn resolve_layout(&self, leaves: Leaves) -> &wgpu::BindGroupLayout {
+        &self.resolve_layouts[usize::from(leaves == Leaves::Lists)]
+    }
+
     /// The classes of tiles whose fragments are resolved as they are found.
-    pub fn resolve(&self, gpu: &Gpu, variant: &Variant, counts: bool) -> Result<&Resolve> {
-        once(gpu, &self.resolve[usize::from(counts)], || {
+    pub fn resolve(&self, gpu: &Gpu, variant: &Variant, leaves: Leaves) -> Result<&Resolve> {
+        once(gpu, &self.resolve[leaves as usize], || {
             let classes = classes(gpu);
-            let mut groups = vec![&self.walk_layout, &self.resolve_layout];
+            let mut groups = vec![&self.walk_layout, self.resolve_layout(leaves)];
             if variant.hides {
                 groups.push(&self.read_opaque_layout);
             }
             let of = |class: usize| {
-                let module = compile(gpu, "tile resolve", &resolve(variant, &classes, class, counts)?)?;
+                let module = compile(gpu, "tile resolve", &resolve(variant, &classes, class, leaves)?)?;
                 Ok(compute_uncleared(gpu, &module, "cs_resolve", &groups))
             };
             let resolve = (0..CLASS_COUNT).map(of).collect::<Result<Vec<_>>>()?;
@@ -166,7 +177,8 @@ pub fn modules(v: &Variant) -> Vec<Composed> {
         keep(v, BuildStage::Scatter),
         Composed::new(String::new(), &["common", "tiles/scene", "tiles/blending"]),
     ];
-    let resolves = (0..CLASS_COUNT).map(|class| resolve(v, &classes, class, class % 2 == 0));
+    let leaves = [Leaves::Color, Leaves::Counts, Leaves::Lists];
+    let resolves = (0..CLASS_COUNT).map(|class| resolve(v, &classes, class, leaves[class % 3]));
     // Long, and the same for most variants.
     let resolves = resolves.filter(|_| v.tiles);
     all.into_iter().chain(resolves).map(Result::unwrap).collect()
@@ -215,7 +227,7 @@ fn start(classes: &[Class]) -> Result<Composed> {
     Composed::new(constants(classes), &["tiles/classes", "tiles/start"])
 }
 
-fn resolve(variant: &Variant, classes: &[Class], class: usize, counts: bool) -> Result<Composed> {
+fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -> Result<Composed> {
     let own = classes[class];
     let mut files = vec![
         "common",
@@ -231,6 +243,7 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, counts: bool) -> 
             Gather::Staged => "tiles/gather_staged",
         },
         if variant.hides { "tiles/opaque_read" } else { "tiles/opaque_none" },
+        if leaves == Leaves::Lists { "tiles/listed" } else { "tiles/listed_none" },
         if variant.subgroups { "tiles/widest_subgroup" } else { "tiles/widest" },
         "methods/exact",
     ];
@@ -244,7 +257,7 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, counts: bool) -> 
         sorts(own.depth)
     };
     composed.push(&written, "sort".into());
-    let counts = format!("const COUNTS = {counts};\n");
+    let counts = format!("const COUNTS = {};\n", leaves != Leaves::Color);
     composed.push(&(constants(classes) + &own_constants(classes, class) + &counts), "classes".into());
     Ok(composed)
 }

@@ -8,6 +8,7 @@ use wgpu::{BufferUsages, ShaderStages};
 use super::canvas::Canvas;
 use super::is_enough;
 use super::ready::Ready;
+use super::stages::Leaves;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::fragments::Background;
@@ -39,12 +40,12 @@ pub fn measure(
 ) -> Result<[Times; 2]> {
     let gpu = &kept.gpu.clone();
     let variant = plan::variant(gpu, scene, request)?;
-    if !is_enough(gpu, &variant, request) {
+    if !is_enough(gpu, &variant, scene, request) {
         return Err(Error::Parameter("only an image with one sample and no lists is measured".into()));
     }
     let ready = Ready::new(kept, &variant, (scene, camera), request, background)?;
     let memory = request.memory.unwrap_or(DEFAULT_MEMORY);
-    let mut canvas = Canvas::new(&ready, false, memory, kept)?;
+    let mut canvas = Canvas::new(&ready, Leaves::Color, memory, kept)?;
     let Some(found) = canvas.render(&ready, memory)? else {
         return Err(Error::Parameter("some pixel is too deep for registers".into()));
     };
