@@ -1,6 +1,9 @@
 //! Per-pixel fragment lists in compressed-row form: pixel p owns entries `offsets[p]..offsets[p + 1]`,
 //! sorted front to back.
 
+use bytemuck::Zeroable;
+
+use crate::frame::allocate;
 use crate::real::Real;
 
 /// Fragment lists of an image, `offsets` one longer than the pixels, the rest one entry a fragment.
@@ -48,11 +51,8 @@ impl<T: Real> Fragments<T> {
     }
 }
 
-fn filled<V: Clone>(n: usize, value: V) -> Option<Vec<V>> {
-    let mut v = Vec::new();
-    v.try_reserve_exact(n).ok()?;
-    v.resize(n, value);
-    Some(v)
+fn filled<V: Clone + Zeroable>(n: usize, poison: V) -> Option<Vec<V>> {
+    allocate("fragment lists", n, poison).ok()
 }
 
 /// Straight RGBA behind all fragments: one colour, or one a pixel.

@@ -4,6 +4,9 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
 
+use bytemuck::Zeroable;
+use bytemuck::allocation::try_zeroed_vec;
+
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
 use crate::node_format::NodeFormat;
@@ -204,11 +207,15 @@ impl Request {
     }
 }
 
-/// `n` values, or an error where the system has no memory for them.
-pub fn allocate<V: Clone>(what: &str, n: usize, value: V) -> Result<Vec<V>> {
-    let mut v = reserve(what, n)?;
-    v.resize(n, value);
-    Ok(v)
+/// `n` values that are all to be written, or an error where the system has no memory for them: `poison` in debug builds,
+/// otherwise zeros, whose pages the system brings when they are first touched, by whichever thread.
+pub fn allocate<V: Clone + Zeroable>(what: &str, n: usize, poison: V) -> Result<Vec<V>> {
+    if cfg!(debug_assertions) {
+        let mut all = reserve(what, n)?;
+        all.resize(n, poison);
+        return Ok(all);
+    }
+    try_zeroed_vec(n).map_err(|()| out_of_memory(what, (n * size_of::<V>()) as u64))
 }
 
 /// Room for `n` values.

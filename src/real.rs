@@ -17,9 +17,10 @@ pub trait Real:
     + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
+    + bytemuck::Zeroable
     + 'static
 {
-    type Key: Copy + Ord + Send + Sync + Default + std::fmt::Debug + 'static;
+    type Key: Copy + Ord + Send + Sync + Default + bytemuck::Zeroable + std::fmt::Debug + 'static;
     /// A key and a rank in one integer, ordered by the key first: one comparison sorts by both.
     type Entry: Copy + Ord + Bounded + Send + Sync + Default + std::fmt::Debug + 'static;
     const ZERO: Self;

@@ -1,10 +1,9 @@
 // A pixel's sorted fragments, kept side by side. Pixels come in any order: `list_starts` says where each one's list is.
 
-const LISTED_WORDS = 6u;
-
 @group(1) @binding(6) var<storage, read_write> list_starts: array<u32>;
-// Keys of all fragments, then primitives, then colours; `window.list_capacity` fragments each.
-@group(1) @binding(7) var<storage, read_write> listed: array<u32>;
+// Keys and primitives.
+@group(1) @binding(7) var<storage, read_write> listed: array<vec2u>;
+@group(1) @binding(8) var<storage, read_write> listed_colors: array<vec4f>;
 
 var<workgroup> part_fragments: atomic<u32>;
 var<workgroup> shared_start: u32;
@@ -32,16 +31,8 @@ fn end_list(pixel: u32) {
 // The i-th nearest fragment of the own pixel.
 fn keep(i: u32, id: u32, at: vec2f, color: vec4f) {
     let slot = list_start + i;
-    let room = window.list_capacity;
-    if slot >= room {
-        return; // the host counts, and makes room
+    if slot < window.list_capacity { // else the host counts, and makes room
+        listed[slot] = vec2u(sort_key(value_at(key_planes[id], at)), id);
+        listed_colors[slot] = color;
     }
-    listed[slot] = sort_key(value_at(key_planes[id], at));
-    listed[room + slot] = id;
-    let c = bitcast<vec4u>(color);
-    let first = 2u * room + 4u * slot;
-    listed[first] = c.r;
-    listed[first + 1u] = c.g;
-    listed[first + 2u] = c.b;
-    listed[first + 3u] = c.a;
 }

@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::buffers::{bind, readable, storage};
+use super::buffers::{bind, storage};
 use super::passes::Frame;
 use super::pool::{Budget, Pool, Rect};
+use super::readback::copied;
 use super::resolve::TILE;
 use super::targets::place;
 use super::timing::Timing;
@@ -57,9 +58,8 @@ pub fn read(frame: &Frame, budget: &Budget, request: &Request) -> Result<Vec<[f3
     let whole = Rect { x0: 0, y0: 0, w: request.width, h: request.height };
     for rect in whole.parts((budget.pixels / samples as u64).max(1)) {
         let bytes = 16 * rect.pixels() * samples as u64;
-        let result = readable(gpu, "background", bytes);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        gpu.checked("reading the background", || {
+        let result = gpu.checked("reading the background", || {
             // The stage reads no list.
             let pool = Pool::new(gpu, &frame.pipelines.variant, 1, 1)?;
             let colors = storage(gpu, "background", bytes);
@@ -72,8 +72,7 @@ pub fn read(frame: &Frame, budget: &Budget, request: &Request) -> Result<Vec<[f3
             pass.set_bind_group(1, &group, &[]);
             pass.dispatch_workgroups(rect.w.div_ceil(TILE), rect.h.div_ceil(TILE), 1);
             drop(pass);
-            encoder.copy_buffer_to_buffer(&colors, 0, &result, 0, bytes);
-            Ok(())
+            Ok(copied(gpu, &mut encoder, &colors, bytes))
         })?;
         let timing = Timing::new(gpu);
         let mut unused = Default::default();

@@ -14,21 +14,9 @@ pub fn indirect(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
     buffer(gpu, label, bytes, BufferUsages::STORAGE | BufferUsages::INDIRECT)
 }
 
-/// A buffer that the CPU can read after a copy into it.
+/// A buffer that the CPU can read after a copy into it: whole colours, so that its words are colours without a copy.
 pub fn readable(gpu: &Gpu, label: &str, bytes: u64) -> wgpu::Buffer {
-    buffer(gpu, label, bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
-}
-
-/// A copy of a buffer's beginning that the CPU can read.
-pub fn copied(
-    gpu: &Gpu,
-    encoder: &mut wgpu::CommandEncoder,
-    buffer: &wgpu::Buffer,
-    bytes: u64,
-) -> wgpu::Buffer {
-    let copy = readable(gpu, "copy", bytes);
-    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
-    copy
+    buffer(gpu, label, bytes.next_multiple_of(16), BufferUsages::MAP_READ | BufferUsages::COPY_DST)
 }
 
 /// A buffer with these contents.

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pollster::block_on;
 
 use super::pipelines::{COLOR_FORMAT, COVERAGE_FORMAT, DEPTH_FORMAT, Pipelines};
+use super::readback::Staging;
 use super::variant::Variant;
 use crate::error::{Error, Result};
 use crate::samples::COUNTS;
@@ -39,6 +40,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     pub features: wgpu::Features,
     pub limits: wgpu::Limits,
+    pub staging: Staging,
     pipelines: Mutex<HashMap<Variant, Arc<Pipelines>>>,
     lost: Arc<Mutex<Option<String>>>,
     /// One render at a time: interleaved ones would hold twice the memory and gain nothing.
@@ -223,6 +225,7 @@ impl Gpu {
             queue,
             features,
             limits,
+            staging: Staging::default(),
             pipelines: Mutex::new(HashMap::new()),
             lost,
             busy: Mutex::new(()),

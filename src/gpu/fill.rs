@@ -1,9 +1,10 @@
 //! Filling the lists of one rectangle, linked or contiguous, and resolving them.
 
-use super::buffers::{bind, readable, storage};
+use super::buffers::{bind, storage};
 use super::long;
 use super::passes::Frame;
 use super::pool::{Budget, Pool, Rect, image_samples};
+use super::readback::copied;
 use super::resolve::{Found, Outcome, encode_classes, encode_classify};
 use super::scan;
 use super::targets::place;
@@ -129,15 +130,13 @@ impl Frame<'_> {
         let timing = Timing::new(self.gpu);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let band = self.band(pool, rect);
-        let total = readable(self.gpu, "total", 8);
-        self.gpu.checked("counting fragments", || {
+        let total = self.gpu.checked("counting fragments", || {
             encoder.clear_buffer(&pool.counter, 0, None);
             self.encode_count(&mut encoder, &pool.heads, &band, rect, &timing)?;
             // One more than pixels: where the last list ends.
             scan::encode(self, &mut encoder, &pool.heads, rect.pixels() as u32 + 1, &pool.counter, &timing)?;
             encoder.copy_buffer_to_buffer(&pool.heads, 0, &pool.cursors, 0, 4 * rect.pixels());
-            encoder.copy_buffer_to_buffer(&pool.counter, 0, &total, 0, 8);
-            Ok(())
+            Ok(copied(self.gpu, &mut encoder, &pool.counter, 8))
         })?;
         let words = self.submit(encoder, &timing, &[&total], &mut output.stats)?.remove(0);
         let nodes = u64::from(words[1]) << 32 | u64::from(words[0]);
@@ -174,14 +173,11 @@ impl Frame<'_> {
     ) -> Result<Filled> {
         let (gpu, variant) = (self.gpu, &self.pipelines.variant);
         let each = image_samples(variant);
-        let counter = readable(gpu, "counter", 8);
-        let classes = readable(gpu, "classes", pool.classes.size());
         let read_group = self.read_group(pool, band);
-        gpu.checked("classifying pixels", || {
+        let [counter, classes] = gpu.checked("classifying pixels", || {
             encode_classify(self, &mut encoder, pool, &read_group, rect, timing)?;
-            encoder.copy_buffer_to_buffer(&pool.counter, 0, &counter, 0, 8);
-            encoder.copy_buffer_to_buffer(&pool.classes, 0, &classes, 0, pool.classes.size());
-            Ok(())
+            let counter = copied(gpu, &mut encoder, &pool.counter, 8);
+            Ok([counter, copied(gpu, &mut encoder, &pool.classes, pool.classes.size())])
         })?;
         let words = self.submit(encoder, timing, &[&counter, &classes], &mut output.stats)?;
         let [low, high, ..] = *words[0].as_slice() else {
@@ -206,13 +202,10 @@ impl Frame<'_> {
             encoder = gpu.device.create_command_encoder(&Default::default());
         }
 
-        let image = readable(gpu, "image", 16 * each * rect.pixels());
-        let counts = output.counts.is_some().then(|| readable(gpu, "counts", 4 * rect.pixels()));
-        encoder.copy_buffer_to_buffer(&pool.classes, 0, &classes, 0, pool.classes.size());
-        encoder.copy_buffer_to_buffer(&pool.image, 0, &image, 0, 16 * each * rect.pixels());
-        if let Some(counts) = &counts {
-            encoder.copy_buffer_to_buffer(&pool.counts, 0, counts, 0, 4 * rect.pixels());
-        }
+        let mut copied = |buffer, bytes| copied(gpu, &mut encoder, buffer, bytes);
+        let classes = copied(&pool.classes, pool.classes.size());
+        let image = copied(&pool.image, 16 * each * rect.pixels());
+        let counts = output.counts.is_some().then(|| copied(&pool.counts, 4 * rect.pixels()));
         let results: Vec<&wgpu::Buffer> = [&classes, &image].into_iter().chain(&counts).collect();
         let words = self.submit(encoder, &timing, &results, &mut output.stats)?;
         let outcome = Found::of(variant, &words[0])?.outcome(dropped);

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::buffers::readable;
 use super::device::Gpu;
 use super::pool::{Pool, Rect};
+use super::readback::copied;
 use crate::error::{Error, Result};
 use crate::fragments::{Extras, Fragments};
 use crate::frame::{Storage, out_of_memory};
@@ -40,13 +40,7 @@ impl Reader<'_> {
         let parts = [(&pool.heads, 4 * (rect.pixels() + 1)), (&pool.nodes, self.layout.bytes() * nodes)];
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let copies = gpu.checked("reading the lists", || {
-            Ok(parts.map(|(source, bytes)| {
-                let copy = readable(gpu, "lists", bytes);
-                if bytes > 0 {
-                    encoder.copy_buffer_to_buffer(source, 0, &copy, 0, bytes);
-                }
-                copy
-            }))
+            Ok(parts.map(|(source, bytes)| copied(gpu, &mut encoder, source, bytes)))
         })?;
         let words = gpu.submit_and_read(encoder, &copies.each_ref())?;
         let [heads, nodes] = words.as_slice() else {

@@ -3,10 +3,11 @@
 
 use wgpu::BufferUsages;
 
-use super::buffers::{bind, readable, storage, with_contents};
+use super::buffers::{bind, storage, with_contents};
 use super::passes::Frame;
 use super::pipelines::Long;
 use super::pool::Pool;
+use super::readback::copied;
 use super::timing::Timing;
 use super::uniforms::{LongPixel, LongSample, Round};
 use crate::error::{Error, Result};
@@ -200,16 +201,14 @@ impl<'a> Sorter<'a> {
     fn submit(&self, dispatches: &[Dispatch], stats: &mut Stats) -> Result<bool> {
         let gpu = self.frame.gpu;
         let timing = Timing::new(gpu);
-        let unfinished = readable(gpu, "unfinished", 4);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        gpu.checked("sorting long lists", || {
+        let unfinished = gpu.checked("sorting long lists", || {
             encoder.clear_buffer(&self.unfinished, 0, None);
             dispatches.iter().for_each(|dispatch| self.encode(&mut encoder, *dispatch, &timing));
-            encoder.copy_buffer_to_buffer(&self.unfinished, 0, &unfinished, 0, 4);
-            Ok(())
+            Ok(copied(gpu, &mut encoder, &self.unfinished, 4))
         })?;
         let results = self.frame.submit(encoder, &timing, &[&unfinished], stats)?;
-        Ok(results[0].iter().any(|&word| word != 0))
+        Ok(results[0].first().is_some_and(|&word| word != 0))
     }
 
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, dispatch: Dispatch, timing: &Timing) {
@@ -254,9 +253,8 @@ impl<'a> Sorter<'a> {
     fn read_pixels(&self) -> Result<Vec<LongPixel>> {
         let gpu = self.frame.gpu;
         let bytes = u64::from(self.long_count) * size_of::<LongPixel>() as u64;
-        let buffer = readable(gpu, "long", bytes);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&self.long, 0, &buffer, 0, bytes);
+        let buffer = copied(gpu, &mut encoder, &self.long, bytes);
         let words = gpu.submit_and_read(encoder, &[&buffer])?.remove(0);
         Ok(words[..bytes as usize / 4]
             .chunks_exact(size_of::<LongPixel>() / 4)

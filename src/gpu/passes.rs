@@ -5,11 +5,12 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::buffers::{Bound, bind, readable, with_contents};
+use super::buffers::{Bound, bind, with_contents};
 use super::device::Gpu;
 use super::geometry::Geometry;
 use super::pipelines::Pipelines;
 use super::pool::{Pool, Rect};
+use super::readback::copied;
 use super::targets::Targets;
 use super::tiles::{self, Walker};
 use super::timing::Timing;
@@ -190,12 +191,10 @@ impl Frame<'_> {
         let timing = Timing::new(self.gpu);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let bytes = 4 * rect.pixels();
-        let result = readable(self.gpu, "counts", bytes);
         let band = self.band(pool, rect);
-        self.gpu.checked("counting fragments", || {
+        let result = self.gpu.checked("counting fragments", || {
             self.encode_count(&mut encoder, &pool.counts, &band, rect, &timing)?;
-            encoder.copy_buffer_to_buffer(&pool.counts, 0, &result, 0, bytes);
-            Ok(())
+            Ok(copied(self.gpu, &mut encoder, &pool.counts, bytes))
         })?;
         let mut counts = self.submit(encoder, &timing, &[&result], stats)?.remove(0);
         counts.truncate(rect.pixels() as usize);

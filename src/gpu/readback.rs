@@ -1,10 +1,70 @@
 //! Submissions, and what comes back from them: the host may prepare the next while a device works on one.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
+use rayon::prelude::*;
+
+use super::buffers::readable;
 use super::device::Gpu;
 use crate::error::{Error, Result};
+use crate::threads::threads;
+
+/// Bytes that one thread copies at a time.
+const PART: usize = 1 << 20;
+
+/// A buffer's bytes, as words, in pages that several threads touch first: half of the time goes there.
+fn copy_of(bytes: &[u8]) -> Result<Vec<u32>> {
+    if bytes.len() <= PART {
+        return Ok(bytemuck::pod_collect_to_vec(bytes));
+    }
+    let mut words = vec![0_u32; bytes.len() / 4];
+    threads()?.install(|| {
+        words.par_chunks_mut(PART / 4).zip(bytes.par_chunks(PART)).for_each(|(to, from)| {
+            bytemuck::cast_slice_mut::<u32, u8>(to).copy_from_slice(from);
+        });
+    });
+    Ok(words)
+}
+
+/// Buffers that the host has read, for the next copies: making one takes the system as long as filling it.
+#[derive(Default)]
+pub struct Staging(Mutex<Vec<wgpu::Buffer>>);
+
+/// Of all that wait.
+const MOST_STAGED: u64 = 512 << 20;
+const MOST_BUFFERS: usize = 16;
+
+impl Staging {
+    /// One that is not much larger.
+    fn take(&self, bytes: u64) -> Option<wgpu::Buffer> {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let i = all.iter().position(|b| (bytes..=bytes + bytes / 4).contains(&b.size()))?;
+        Some(all.remove(i))
+    }
+
+    fn put(&self, buffer: wgpu::Buffer) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.push(buffer);
+        while all.len() > MOST_BUFFERS || all.iter().map(wgpu::Buffer::size).sum::<u64>() > MOST_STAGED {
+            all.remove(0); // the oldest
+        }
+    }
+}
+
+/// A copy of a buffer's beginning that the host can read, which may be a little longer.
+pub fn copied(
+    gpu: &Gpu,
+    encoder: &mut wgpu::CommandEncoder,
+    buffer: &wgpu::Buffer,
+    bytes: u64,
+) -> wgpu::Buffer {
+    let copy = gpu.staging.take(bytes).unwrap_or_else(|| readable(gpu, "copy", bytes));
+    if bytes > 0 {
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
+    }
+    copy
+}
 
 /// Work that a device has been given, and the buffers that are read when it is done.
 pub struct Submitted {
@@ -50,16 +110,17 @@ impl Submitted {
                 gpu.alive()?;
                 return Err(Error::Device(format!("reading results back from {name} failed")));
             }
-            let words = |buffer: &wgpu::Buffer| {
+            let words = |buffer: wgpu::Buffer| {
                 let view = buffer
                     .get_mapped_range(..)
                     .map_err(|e| Error::Device(format!("reading results back failed: {e}")))?;
-                let words = bytemuck::pod_collect_to_vec(&view);
+                let words = copy_of(&view)?;
                 drop(view);
                 buffer.unmap();
+                gpu.staging.put(buffer);
                 Ok(words)
             };
-            self.buffers.iter().map(words).collect()
+            self.buffers.into_iter().map(words).collect()
         })
     }
 }

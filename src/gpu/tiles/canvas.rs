@@ -11,9 +11,10 @@ use super::opaque::{Opaque, OpaqueKey};
 use super::ready::Ready;
 use super::stages::Leaves;
 use crate::error::{Error, Result};
-use crate::gpu::buffers::{bind, copied, with_contents};
+use crate::gpu::buffers::{bind, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::kept::Kept;
+use crate::gpu::readback::copied;
 use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::Window;
 
@@ -167,6 +168,7 @@ impl Canvas {
     pub fn encode(&self, ready: &Ready, encoder: &mut wgpu::CommandEncoder, timing: &Timing) -> Result<()> {
         let (of, scene) = (ready.context(), &ready.scene);
         let (gpu, stages, variant) = (of.gpu, of.stages(), of.variant());
+        stages.prepare(gpu, variant, self.image_key.leaves)?;
         // One pass: between passes a device idles longer than a small stage takes.
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("tiles"),
@@ -196,7 +198,7 @@ impl Canvas {
                     (&ready.background).into(),
                 ];
                 let listed = self.image.listed.iter();
-                slots.extend(listed.flat_map(|l| [(&l.starts).into(), (&l.fragments).into()]));
+                slots.extend(listed.flat_map(|l| [&l.starts, &l.fragments, &l.colors].map(Into::into)));
                 bind(gpu, "resolve", stages.resolve_layout(leaves), &slots)
             })
             .collect();

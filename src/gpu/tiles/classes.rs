@@ -34,8 +34,11 @@ pub enum Gather {
 #[derive(Debug, Clone, Copy)]
 pub struct Class {
     pub gather: Gather,
-    /// Fragments of a pixel that there are registers for.
+    /// Fragments of a pixel that there is room for.
     pub depth: u32,
+    /// Of the class that mostly hands parts over, 0 if none: pixels of fewer do with a network for as many, since what is
+    /// written out takes long to compile (NVIDIA's driver took half a minute for all sizes in all classes).
+    least: u32,
     /// Invocations, which is pixels.
     pub threads: u32,
     /// Where deeper parts go. `CLASS_COUNT`: nowhere.
@@ -43,6 +46,20 @@ pub struct Class {
 }
 
 impl Class {
+    /// The networks that are written out.
+    fn sizes(&self) -> Vec<u32> {
+        SIZES.into_iter().filter(|&n| n >= self.least && n <= self.depth).collect()
+    }
+
+    /// What sorts, as WGSL. `has_gradients`: some colours are interpolated.
+    pub fn sort(&self, has_gradients: bool) -> Option<String> {
+        match self.gather {
+            Gather::Triangles(_) => Some(sorts(&self.sizes()[1..])),
+            Gather::Masks => Some(composite_masks(&self.sizes(), has_gradients)),
+            Gather::Staged => None, // loops: tiles/sort_staged.wgsl
+        }
+    }
+
     /// Entries in workgroup memory.
     fn entries(&self) -> u32 {
         match self.gather {
@@ -60,14 +77,14 @@ pub fn classes(gpu: &Gpu) -> [Class; CLASS_COUNT] {
 
 /// `depths`: of the networks.
 pub fn classes_of([short, longer, long]: [u32; 3]) -> [Class; CLASS_COUNT] {
-    let class = |gather, depth, threads, next| Class { gather, depth, threads, next };
+    let class = |gather, least, depth, threads, next| Class { gather, depth, least, threads, next };
     [
-        class(Gather::Triangles(1024), long.min(16), TILE_PIXELS, 5),
-        class(Gather::Triangles(2048), long.min(16), TILE_PIXELS, 5),
-        class(Gather::Masks, short, TILE_PIXELS, 3),
-        class(Gather::Masks, longer, TILE_PIXELS, 4),
-        class(Gather::Masks, long, 128, 5),
-        class(Gather::Staged, long, if long > 32 { 32 } else { 64 }, CLASS_COUNT),
+        class(Gather::Triangles(1024), 0, long.min(16), TILE_PIXELS, 5),
+        class(Gather::Triangles(2048), 0, long.min(16), TILE_PIXELS, 5),
+        class(Gather::Masks, 0, short, TILE_PIXELS, 3),
+        class(Gather::Masks, short, longer, TILE_PIXELS, 4),
+        class(Gather::Masks, longer, long, 128, 5),
+        class(Gather::Staged, 0, long, if long > 32 { 32 } else { 64 }, CLASS_COUNT),
     ]
 }
 
@@ -107,12 +124,11 @@ pub fn own_constants(classes: &[Class], class: usize) -> String {
     )
 }
 
-const SIZES: [u32; 9] = [2, 4, 8, 12, 16, 24, 32, 48, 64];
+const SIZES: [u32; 10] = [1, 2, 4, 8, 12, 16, 24, 32, 48, 64];
 
 /// `sort` of tiles/composite_staged.wgsl: by the number of fragments one of several networks, whose entries are variables
 /// of their own and so lie in registers.
-pub fn sorts(depth: u32) -> String {
-    let sizes: Vec<u32> = SIZES.into_iter().filter(|&n| n <= depth).collect();
+fn sorts(sizes: &[u32]) -> String {
     let mut text = String::from("fn sort(n: u32, all: u32) {\n");
     for (i, size) in sizes.iter().enumerate() {
         // Writing to a String cannot fail. One fragment alone may still be hidden.
@@ -127,7 +143,7 @@ pub fn sorts(depth: u32) -> String {
         }
     }
     text.push_str("}\n");
-    for &size in &sizes {
+    for &size in sizes {
         let _ = writeln!(text, "fn sort_{size}(n: u32) {{");
         for i in 0..size {
             let _ = writeln!(text, "var k{i} = HIDDEN; var t{i} = 0u;");
@@ -144,20 +160,19 @@ pub fn sorts(depth: u32) -> String {
 }
 
 /// `composite` of the classes that keep masks: keys are made, sorted and composited without leaving registers.
-pub fn composite_masks(depth: u32, has_gradients: bool) -> String {
-    let sizes: Vec<u32> = [1].into_iter().chain(SIZES).filter(|&n| n <= depth).collect();
+fn composite_masks(sizes: &[u32], has_gradients: bool) -> String {
     let mut text = String::from(
         "fn composite(n: u32, local: u32, pixel: vec2u) -> State {\nlet all = widest(n);\n\
          if all == 0u { return begin(); }\n",
     );
-    for &size in &sizes {
-        if size == depth {
+    for &size in sizes {
+        if Some(&size) == sizes.last() {
             let _ = writeln!(text, "return composite_{size}(n, pixel);\n}}");
         } else {
             let _ = writeln!(text, "if all <= {size}u {{ return composite_{size}(n, pixel); }}");
         }
     }
-    for &size in &sizes {
+    for &size in sizes {
         let _ = writeln!(text, "fn composite_{size}(n: u32, pixel: vec2u) -> State {{");
         for i in 0..size {
             let _ = writeln!(text, "var k{i} = HIDDEN; var t{i} = 0u;");

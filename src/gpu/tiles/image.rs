@@ -19,7 +19,7 @@ use crate::gpu::variant::Variant;
 use crate::scene::Scene;
 
 /// What the stages bind, and hold in workgroup memory.
-const STORAGE_BUFFERS: u32 = 19;
+const STORAGE_BUFFERS: u32 = 20;
 const WORKGROUP_BYTES: u32 = 28_672;
 
 /// Whether registers will do: one sample, one mode, all fragments, no opaque surface listed.

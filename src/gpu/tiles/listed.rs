@@ -6,19 +6,23 @@ use super::image::values;
 use crate::error::Result;
 use crate::fragments::{Extras, Fragments};
 use crate::frame::out_of_memory;
-use crate::gpu::buffers::{readable, storage};
+use crate::gpu::buffers::storage;
 use crate::gpu::device::Gpu;
+use crate::gpu::readback::copied;
 use crate::gpu::resolve::TILE;
 use crate::real::depth_of_key;
 use crate::threads::threads;
 
-/// A key, a primitive and a colour.
+/// A key, a primitive and a colour; and the colour alone, the larger buffer.
 const FRAGMENT_BYTES: u64 = 24;
+const COLOR_BYTES: u64 = 16;
 
 pub struct Listed {
     /// Where each pixel's list begins.
     pub starts: wgpu::Buffer,
+    /// Keys and primitives, and colours.
     pub fragments: wgpu::Buffer,
+    pub colors: wgpu::Buffer,
     /// Fragments that there is room for.
     pub capacity: u32,
 }
@@ -27,12 +31,13 @@ impl Listed {
     /// Room for a fragment a pixel, or what `memory` allows: the first frame shows how many there are.
     pub fn new(gpu: &Gpu, pixels: u64, memory: u64) -> Result<Self> {
         let starts = gpu.checked("the lists", || Ok(storage(gpu, "list starts", 4 * pixels)))?;
-        let (fragments, capacity) = room(gpu, pixels.min(most(gpu, memory)).max(1))?;
-        Ok(Self { starts, fragments, capacity })
+        let capacity = pixels.min(most(gpu, memory)).max(1) as u32;
+        let (fragments, colors) = room(gpu, capacity)?;
+        Ok(Self { starts, fragments, colors, capacity })
     }
 
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
-        [("nodes", self.fragments.size()), ("heads", self.starts.size())]
+        [("nodes", self.fragments.size() + self.colors.size()), ("heads", self.starts.size())]
     }
 
     /// Makes room for so many fragments; `false` if `memory` does not allow it.
@@ -41,43 +46,39 @@ impl Listed {
             return Ok(false);
         }
         // The old ones go first: the two need not fit together.
-        self.fragments = room(gpu, 1)?.0;
-        (self.fragments, self.capacity) = room(gpu, fragments.into())?;
+        (self.fragments, self.colors) = room(gpu, 1)?;
+        (self.fragments, self.colors) = room(gpu, fragments)?;
+        self.capacity = fragments;
         Ok(true)
     }
 
     /// What a band left, of so many fragments with the empty places among them.
     pub fn read(&self, gpu: &Gpu, fragments: u32, end_row: u32) -> Result<ListedBand> {
         let n = u64::from(fragments);
-        let room = 4 * u64::from(self.capacity);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let copies = gpu.checked("reading the lists", || {
-            Ok([(0, 4 * n), (room, 4 * n), (2 * room, 16 * n)].map(|(first, bytes)| {
-                let copy = readable(gpu, "lists", bytes);
-                if bytes > 0 {
-                    encoder.copy_buffer_to_buffer(&self.fragments, first, &copy, 0, bytes);
-                }
-                copy
-            }))
+            Ok([(&self.fragments, 8), (&self.colors, 16)]
+                .map(|(of, each)| copied(gpu, &mut encoder, of, each * n)))
         })?;
         let mut words = gpu.submit_and_read(encoder, &copies.each_ref())?.into_iter();
         let n = fragments as usize;
         Ok(ListedBand {
             end_row: end_row * TILE,
-            keys: values(words.next(), n)?,
-            primitives: values(words.next(), n)?,
+            fragments: values(words.next(), n)?,
             colors: values(words.next(), n)?,
         })
     }
 }
 
 fn most(gpu: &Gpu, memory: u64) -> u64 {
-    memory.min(gpu.adapter.max_binding) / FRAGMENT_BYTES
+    (memory / FRAGMENT_BYTES).min(gpu.adapter.max_binding / COLOR_BYTES)
 }
 
-fn room(gpu: &Gpu, fragments: u64) -> Result<(wgpu::Buffer, u32)> {
+fn room(gpu: &Gpu, fragments: u32) -> Result<(wgpu::Buffer, wgpu::Buffer)> {
+    let n = u64::from(fragments);
     gpu.checked("the lists", || {
-        Ok((storage(gpu, "listed fragments", FRAGMENT_BYTES * fragments), fragments as u32))
+        let keys = storage(gpu, "listed fragments", (FRAGMENT_BYTES - COLOR_BYTES) * n);
+        Ok((keys, storage(gpu, "listed colours", COLOR_BYTES * n)))
     })
 }
 
@@ -85,8 +86,8 @@ fn room(gpu: &Gpu, fragments: u64) -> Result<(wgpu::Buffer, u32)> {
 #[derive(Debug)]
 pub struct ListedBand {
     end_row: u32,
-    keys: Vec<u32>,
-    primitives: Vec<i32>,
+    /// Keys and primitives.
+    fragments: Vec<[u32; 2]>,
     colors: Vec<[f32; 4]>,
 }
 
@@ -124,9 +125,10 @@ pub fn assemble(
             for pixel in first..first + width {
                 let n = counts[pixel] as usize;
                 let (from, own) = (starts[pixel] as usize, to..to + n);
-                key[own.clone()].copy_from_slice(&band.keys[from..from + n]);
-                primitive[own.clone()].copy_from_slice(&band.primitives[from..from + n]);
-                color[own].copy_from_slice(&band.colors[from..from + n]);
+                color[own.clone()].copy_from_slice(&band.colors[from..from + n]);
+                for (to, [k, id]) in own.zip(&band.fragments[from..from + n]) {
+                    (key[to], primitive[to]) = (*k, *id as i32);
+                }
                 to += n;
             }
             depth.iter_mut().zip(&*key).for_each(|(depth, &key)| *depth = depth_of_key(key, perspective));

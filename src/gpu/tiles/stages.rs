@@ -2,17 +2,19 @@
 
 use std::sync::OnceLock;
 
+use rayon::{join, prelude::*};
 use wgpu::ShaderStages;
 
 #[cfg(test)]
 use super::classes::classes_of;
-use super::classes::{CLASS_COUNT, Class, Gather, classes, composite_masks, constants, own_constants, sorts};
+use super::classes::{CLASS_COUNT, Class, Gather, classes, constants, own_constants};
 use crate::error::Result;
 use crate::gpu::buffers::{Slot, layout};
 use crate::gpu::device::Gpu;
 use crate::gpu::pipelines::{compile, compute_uncleared, once};
 use crate::gpu::variant::{BuildStage, ColorsOf, Variant};
 use crate::shader::Composed;
+use crate::threads::threads;
 
 /// Bins of an image, at most: what workgroup memory holds masks for.
 pub const MAX_BINS: u32 = 512;
@@ -79,13 +81,27 @@ impl Stages {
             opaque: OnceLock::new(),
             keep: Default::default(),
             start_layout: of("start", 0, 0, 1 + CLASS_COUNT),
-            resolve_layouts: [0, 2].map(|lists| {
+            resolve_layouts: [0, 3].map(|lists| {
                 let slots = [vec![ReadWrite; 5], vec![Slot::Color], vec![ReadWrite; lists]].concat();
                 layout(gpu, "tile resolve", ShaderStages::COMPUTE, &slots)
             }),
             read_opaque_layout: of("opaque surfaces", 0, 2, 0),
             resolve: Default::default(),
         }
+    }
+
+    /// Makes the pipelines of a frame side by side: a driver may take a second for each.
+    pub fn prepare(&self, gpu: &Gpu, variant: &Variant, leaves: Leaves) -> Result<()> {
+        let ((setup, bin), (opaque, resolve)) = threads()?.install(|| {
+            join(
+                || join(|| self.setup(gpu, variant).map(drop), || self.bin(gpu, variant).map(drop)),
+                || {
+                    let opaque = || if variant.hides { self.opaque(gpu, variant).map(drop) } else { Ok(()) };
+                    join(opaque, || self.resolve(gpu, variant, leaves).map(drop))
+                },
+            )
+        });
+        setup.and(bin).and(opaque).and(resolve)
     }
 
     pub fn setup(&self, gpu: &Gpu, variant: &Variant) -> Result<&Setup> {
@@ -135,10 +151,12 @@ impl Stages {
                 groups.push(&self.read_opaque_layout);
             }
             let of = |class: usize| {
-                let module = compile(gpu, "tile resolve", &resolve(variant, &classes, class, leaves)?)?;
-                Ok(compute_uncleared(gpu, &module, "cs_resolve", &groups))
+                gpu.checked("making pipelines", || {
+                    let module = compile(gpu, "tile resolve", &resolve(variant, &classes, class, leaves)?)?;
+                    Ok(compute_uncleared(gpu, &module, "cs_resolve", &groups))
+                })
             };
-            let resolve = (0..CLASS_COUNT).map(of).collect::<Result<Vec<_>>>()?;
+            let resolve = (0..CLASS_COUNT).into_par_iter().map(of).collect::<Result<Vec<_>>>()?;
             Ok(Resolve { classes, resolve })
         })
     }
@@ -247,16 +265,15 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         if variant.subgroups { "tiles/widest_subgroup" } else { "tiles/widest" },
         "methods/exact",
     ];
-    if own.gather != Gather::Masks {
-        files.push("tiles/composite_staged");
+    match own.gather {
+        Gather::Triangles(_) => files.push("tiles/composite_staged"),
+        Gather::Masks => {}
+        Gather::Staged => files.extend(["tiles/composite_staged", "tiles/sort_staged"]),
     }
     let mut composed = text(variant, &files)?;
-    let written = if own.gather == Gather::Masks {
-        composite_masks(own.depth, variant.colors == ColorsOf::Corners)
-    } else {
-        sorts(own.depth)
-    };
-    composed.push(&written, "sort".into());
+    if let Some(sort) = own.sort(variant.colors == ColorsOf::Corners) {
+        composed.push(&sort, "sort".into());
+    }
     let counts = format!("const COUNTS = {};\n", leaves != Leaves::Color);
     composed.push(&(constants(classes) + &own_constants(classes, class) + &counts), "classes".into());
     Ok(composed)
