@@ -27,6 +27,7 @@ def measured(scene, camera, width, height, device, frames):
         "samples": 1,
         "pipeline": "tiles",
         "blends": [],
+        "least_transmittance": 0.0,
     }
     parts = [mesh._parts(()) for mesh in ab.Scene([scene]).meshes]
     view = camera._at(width, height)._parts(width, height)

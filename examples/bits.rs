@@ -95,6 +95,7 @@ fn request(samples: u32) -> Request {
         sort: Sort::Auto,
         limit: None,
         blend_order: BlendOrder::FrontToBack,
+        least_transmittance: 0.0,
         lists_on_gpu: ListOptions {
             rasteriser: abuffer::frame::Rasteriser::Hardware,
             storage: Storage::Linked,

@@ -25,9 +25,10 @@ struct View {
     background_texture: u32,
     // 0, which no compiler can know (see exact.wgsl).
     zero: u32,
+    // Front to back, a sample's list is left where no more than this is let through. At 0 that changes no bit.
+    least_transmittance: f32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 // The rectangle of pixels that one pass over the geometry fills lists for.

@@ -84,8 +84,13 @@ mod tests {
     use super::*;
     use crate::frame::BlendOrder;
 
-    const RESOLVE: Resolve =
-        Resolve { samples: 1, msaa: MsaaResolve::PerPixel, mixes: false, order: BlendOrder::FrontToBack };
+    const RESOLVE: Resolve = Resolve {
+        samples: 1,
+        msaa: MsaaResolve::PerPixel,
+        mixes: false,
+        order: BlendOrder::FrontToBack,
+        least_transmittance: 0.0,
+    };
 
     fn lists<'a>(offsets: &'a [i64], color: &'a [[f32; 4]]) -> Lists<'a, f32> {
         Lists { offsets, color, coverage: None, blend: None }

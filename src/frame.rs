@@ -78,6 +78,8 @@ pub struct Request {
     /// At most so many fragments of a pixel are composited; the others count as dropped.
     pub limit: Option<(u32, LimitPolicy)>,
     pub blend_order: BlendOrder,
+    /// Front to back, a sample's list is left where no more than this is let through. At 0 that changes no bit.
+    pub least_transmittance: f64,
     pub lists_on_gpu: ListOptions,
 }
 

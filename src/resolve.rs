@@ -27,6 +27,8 @@ pub struct Resolve {
     /// Some fragment is blended otherwise than `over`.
     pub mixes: bool,
     pub order: BlendOrder,
+    /// As in `Request`.
+    pub least_transmittance: f64,
 }
 
 /// One sample's colour on its way, in one direction through the list.
@@ -34,8 +36,8 @@ trait Blender<T>: Copy {
     const BACK_TO_FRONT: bool;
     fn begin(behind: [T; 4]) -> Self;
     fn add(&mut self, fragment: &Fragment<T>);
-    /// Nothing that follows can change the result.
-    fn is_done(&self) -> bool;
+    /// Nothing that follows can change the result, or by no more than was asked for: `least` is let through at most.
+    fn is_done(&self, least: T) -> bool;
     fn end(self, behind: [T; 4]) -> [T; 4];
 }
 
@@ -50,8 +52,8 @@ impl<T: Real> Blender<T> for exact::State<T> {
         self.insert(fragment.color);
     }
     #[inline]
-    fn is_done(&self) -> bool {
-        self.is_saturated()
+    fn is_done(&self, least: T) -> bool {
+        self.is_saturated(least)
     }
     #[inline]
     fn end(self, behind: [T; 4]) -> [T; 4] {
@@ -67,8 +69,8 @@ impl<T: Real> Blender<T> for blend::State<T> {
     fn add(&mut self, fragment: &Fragment<T>) {
         self.insert(fragment.mode, fragment.color);
     }
-    fn is_done(&self) -> bool {
-        self.is_saturated()
+    fn is_done(&self, _: T) -> bool {
+        self.is_saturated() // additive adds without end: no transmittance but 0 bounds what is to come
     }
     fn end(self, behind: [T; 4]) -> [T; 4] {
         self.end(behind)
@@ -87,7 +89,7 @@ impl<T: Real> Blender<T> for Destination<T> {
     fn add(&mut self, fragment: &Fragment<T>) {
         self.0 = onto(self.0, fragment.mode, fragment.color);
     }
-    fn is_done(&self) -> bool {
+    fn is_done(&self, _: T) -> bool {
         false
     }
     fn end(self, _: [T; 4]) -> [T; 4] {
@@ -102,6 +104,7 @@ impl Resolve {
             msaa: request.msaa_resolve,
             mixes: scene.mixes_modes(),
             order: request.blend_order,
+            least_transmittance: request.least_transmittance,
         }
     }
 
@@ -151,14 +154,15 @@ impl Resolve {
         mut write: impl FnMut(usize, [T; 4]),
     ) {
         let samples = self.samples as usize;
+        let least = T::from_f64(self.least_transmittance);
         if samples == 1 {
-            return write(0, one::<T, B>(n, |i| Some(fragment(i)), behind(0)));
+            return write(0, one::<T, B>(n, |i| Some(fragment(i)), behind(0), least));
         }
         let mut colors = [[T::ZERO; 4]; MAX_SAMPLES];
         if self.msaa == MsaaResolve::PerSample {
             for (s, color) in colors[..samples].iter_mut().enumerate() {
                 let covering = |i| Some(fragment(i)).filter(|f| f.coverage >> s & 1 == 1);
-                *color = one::<T, B>(n, covering, behind(s));
+                *color = one::<T, B>(n, covering, behind(s), least);
             }
         } else {
             let mut states: [B; MAX_SAMPLES] =
@@ -170,7 +174,7 @@ impl Resolve {
                         state.add(&f);
                     }
                 }
-                if states[..samples].iter().all(B::is_done) {
+                if states[..samples].iter().all(|state| state.is_done(least)) {
                     break;
                 }
             }
@@ -194,12 +198,13 @@ fn one<T: Real, B: Blender<T>>(
     n: usize,
     covering: impl Fn(usize) -> Option<Fragment<T>>,
     behind: [T; 4],
+    least: T,
 ) -> [T; 4] {
     let mut state = B::begin(behind);
     for k in 0..n {
         if let Some(f) = covering(if B::BACK_TO_FRONT { n - 1 - k } else { k }) {
             state.add(&f);
-            if state.is_done() {
+            if state.is_done(least) {
                 break;
             }
         }
@@ -228,7 +233,7 @@ mod tests {
     use super::*;
 
     fn resolve(samples: u32, msaa: MsaaResolve) -> Resolve {
-        Resolve { samples, msaa, mixes: false, order: BlendOrder::FrontToBack }
+        Resolve { samples, msaa, mixes: false, order: BlendOrder::FrontToBack, least_transmittance: 0.0 }
     }
 
     fn image(resolve: Resolve, fragments: &[Fragment<f64>]) -> Vec<[f64; 4]> {
@@ -259,7 +264,7 @@ mod tests {
             })
             .collect();
         for order in [BlendOrder::FrontToBack, BlendOrder::BackToFront] {
-            let of = |msaa| image(Resolve { samples: 8, msaa, mixes: true, order }, &fragments);
+            let of = |msaa| image(Resolve { mixes: true, order, ..resolve(8, msaa) }, &fragments);
             let pixel = of(MsaaResolve::PerPixel);
             assert_eq!(pixel, of(MsaaResolve::PerSample));
             let samples = of(MsaaResolve::None);

@@ -151,8 +151,8 @@ def test_lists_that_are_not_sorted_name_the_pixel():
         ({"device": 3}, ["device", '"cpu"', "3"]),
         ({"device": None}, ["device", "None"]),
         (
-            {"cutoff": 0.1},
-            ["render() has no argument 'cutoff'", "method 'exact' no option", "arguments are scene, camera"],
+            {"cutof": 0.1},
+            ["render() has no argument 'cutof'", "method 'exact' no option", "arguments are scene, camera"],
         ),
         ({"memory": "lots"}, ["memory", '"2GiB"', "'lots'"]),
         ({"memory": "-1GB"}, ["memory", "'-1GB'"]),

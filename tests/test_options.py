@@ -56,6 +56,7 @@ DEFAULTS = {
     "max_sorted_fragments": None,
     "limit_policy": "nearest",
     "blend_order": "front_to_back",
+    "cutoff": 0.0,
     "node_format": "float32",
     "resolve": "compute",
     "resolve_classes": [1, 4, 8, 16, 32, 64],
@@ -80,6 +81,7 @@ def test_without_options_the_core_is_asked_for_the_defaults(asked):
         ("max_sorted_fragments", (None, 1, 18, 64)),
         ("limit_policy", ("nearest", "last_submitted")),
         ("blend_order", ("front_to_back", "back_to_front")),
+        ("cutoff", (0.0, 0.25, 30.0)),
     ],
 )
 @pytest.mark.parametrize("pipeline", ["tiles", "linked_list", "prefix_sum"])

@@ -4,13 +4,13 @@ import operator
 
 import numpy as np
 
-from . import _check, _core, archive, columns, geometry, options
+from . import _check, _core, archive, columns, cutoff, geometry, options
 from .blend import BLENDS, composite, require, resolve
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
 
 METHODS = tuple(row[0] for row in _core.methods())
-OPTIONS = ("msaa_resolve", "blend_order")
+OPTIONS = ("msaa_resolve", "blend_order", "cutoff")
 FIELDS = ("depth", "color", "primitive", "key", "coverage", "blend")  # of the fragments; the last two may be None
 
 
@@ -215,6 +215,7 @@ class Fragments:
             msaa_resolve: "per_pixel" (default), "per_sample", "hdr", or "none" for (H, W, samples, 4), as in `render`.
             blend_order: "front_to_back" (default) or "back_to_front", as in `render`. Lists with a `Blend` are
                 composited back to front by its `numpy` in any case.
+            cutoff: as in `render`: no channel changes by more than this; 0 by default.
 
         Raises:
             ParameterError: an option that is none of these, or a `Blend` without `numpy`.
@@ -227,6 +228,7 @@ class Fragments:
         if background is not None:
             behind = self._behind(_check.background(background, self.shape, self.samples))
         behind = np.ascontiguousarray(behind, dtype=np.float64)
+        least = self._least_transmittance(chosen.get("cutoff", 0), behind, msaa_resolve, order)
         if self.blend is not None and (self.blend >= len(BLENDS)).any():
             image = self._by_layers(msaa_resolve, behind)
         else:
@@ -239,9 +241,17 @@ class Fragments:
                 self.samples,
                 msaa_resolve,
                 order == "back_to_front",
+                least,
             )
         each = (self.samples,) if msaa_resolve == "none" else ()
         return image.reshape(*self.shape, *each, 4)
+
+    def _least_transmittance(self, value, behind, msaa_resolve, order):
+        value, blends = cutoff.checked(value), ()
+        if value > 0 and self.blend is not None:
+            blends = ["a Blend" if i >= len(BLENDS) else BLENDS[i] for i in np.unique(self.blend)]
+        chosen = {"msaa_resolve": msaa_resolve, "blend_order": order}
+        return cutoff.least_transmittance(value, blends, (self.color, behind), chosen, self.samples)
 
     def _by_layers(self, msaa_resolve, behind=None, kept=None):
         """`composite` in numpy, for lists that a user's own Blends are in: (H·W, 4) or (H·W, samples, 4).

@@ -26,6 +26,8 @@ class Stats:
     bytes: dict = field(default_factory=dict)  # held at most, per use
     ms: dict = field(default_factory=dict)  # per stage, in the order they ran
     device: str = ""
+    # What a channel may be off by for `cutoff`, beside the same render without it; roundings come on top.
+    error_bound: float = 0.0
     gpu_ms: float | None = None  # from the first begin to the last end of a GPU's stages, where one submission has all
 
     def __str__(self):

@@ -11,6 +11,7 @@ import numpy as np
 from . import _check, _core, tables
 from .blend import own_blends, require
 from .camera import Camera, _size
+from .cutoff import least_transmittance
 from .errors import ParameterError
 from .fragments import Fragments
 from .frame import Frame, Plan, Stats
@@ -60,6 +61,9 @@ class Job:
         plan.append(
             ("bands", str(stats["bands"]), "all fits in memory" if stats["bands"] == 1 else "to stay within memory")
         )
+        if request["cutoff"] > 0:
+            why = f"a list is left where at most {request['least_transmittance']:.3g} is let through"
+            plan.append(("cutoff", f"{request['cutoff']:g}", why))
         if request["lists"] != "none" and stats["fragments"] == 0 and scene.triangle_count:
             opaque = [mesh.opaque for mesh in scene.meshes if mesh.face_count]
             why = (
@@ -73,7 +77,9 @@ class Job:
             lists = Fragments._of(shape, output, output.get("background", self.background), samples, self.own)
         each = (samples,) if request["msaa_resolve"] == "none" else ()
         image = output["image"].reshape(*shape, *each, 4)
-        return Frame(image, output.get("counts"), lists, Stats(**stats), Plan(plan), self.camera)
+        return Frame(
+            image, output.get("counts"), lists, Stats(**stats, error_bound=request["cutoff"]), Plan(plan), self.camera
+        )
 
 
 def prepared(
@@ -115,7 +121,8 @@ def prepared(
     plan = []
     meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
     own = own_blends(mesh.blend for mesh in meshes)
-    listed = fragments in (True, "all") or samples > 1 or any(mesh.blend != "over" for mesh in meshes) or bool(options)
+    listed = fragments in (True, "all") or samples > 1 or any(mesh.blend != "over" for mesh in meshes)
+    listed = listed or bool(options.keys() - {"cutoff"})
     wants = tables.Wants(samples=samples, numpy=any(blend.wgsl is None for blend in own), lists=listed)
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
@@ -128,6 +135,8 @@ def prepared(
         "pipeline": pipeline,
         "blends": [(blend.name or "blend", blend.wgsl) for blend in own],
     }
+    blends, colors = [mesh.blend for mesh in meshes], [*(mesh.colors for mesh in meshes), background]
+    request["least_transmittance"] = least_transmittance(request["cutoff"], blends, colors, request, samples)
     warn_of_clamping(request["node_format"], meshes, fragments == "all")
     dtype = np.float64 if precision == "float64" else np.float32
     behind = np.ascontiguousarray(background, dtype) if background.ndim == 3 else background.astype(np.float64).tolist()

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from . import _check
+from . import _check, cutoff
 from .errors import ParameterError
 
 MSAA_RESOLVES = ("per_pixel", "per_sample", "hdr", "none")
@@ -25,7 +25,7 @@ NODE_CHOICES = {
     "resolve": ("compute", "fragment"),
 }
 CLASSES = (1, 4, 8, 16, 32, 64)
-OPTIONS = (*CHOICES, "max_sorted_fragments", *NODE_CHOICES, "resolve_classes")
+OPTIONS = (*CHOICES, "max_sorted_fragments", "cutoff", *NODE_CHOICES, "resolve_classes")
 SAMPLES = (1, 2, 4, 8, 16)
 
 
@@ -46,6 +46,7 @@ def all_of(given, pipeline) -> dict:
         name: _check.choice(name, given.get(name, valid[0]), valid) for name, valid in (CHOICES | NODE_CHOICES).items()
     }
     chosen["max_sorted_fragments"] = _limit(given.get("max_sorted_fragments"))
+    chosen["cutoff"] = cutoff.checked(given.get("cutoff", 0))
     chosen["resolve_classes"] = _classes(given.get("resolve_classes", CLASSES))
     return chosen
 

@@ -50,6 +50,9 @@ def render(
         limit_policy: which those are, "nearest" (default) or "last_submitted", of the greatest primitives.
         blend_order: "front_to_back" (default) or "back_to_front": the direction in which sorted fragments are
             blended. The image is the same up to rounding. A scene with a `Blend` always goes back to front.
+        cutoff: front to back, leave a list as soon as what lies behind can change no channel by more than this, alpha
+            among them; the background then shows in its place. Counts and lists stay whole. `stats.error_bound` is
+            this again. 0, the default: where it changes no bit. More is for scenes that are all "over".
 
     Options of pipelines linked_list and prefix_sum:
         node_format: what a fragment is stored as. "float32", the default, loses nothing; "rgba8_depth32",

@@ -15,6 +15,7 @@ fn blend_add(s: ptr<function, Blend>, source: Source) {
     (*s).transmittance *= m.f;
 }
 
+// Not at View.least_transmittance: additive adds without end, which no transmittance but 0 bounds.
 fn blend_done(s: Blend) -> bool {
     return all(s.transmittance == vec4f(0.0));
 }

@@ -11,7 +11,7 @@ fn blend_add(s: ptr<function, Blend>, source: Source) {
 }
 
 fn blend_done(s: Blend) -> bool {
-    return is_saturated(s);
+    return is_saturated(s, view.least_transmittance);
 }
 
 fn blend_end(s: Blend, behind: vec4f) -> vec4f {

@@ -19,8 +19,10 @@ fn insert(s: ptr<function, State>, fragment: vec4f) {
     (*s).transmittance *= 1.0 - fragment.a;
 }
 
-fn is_saturated(s: State) -> bool {
-    return s.transmittance == 0.0;
+// No more than `least` is let through: whatever is left out behind, a channel whose colours reach M changes by
+// `least` · M at most.
+fn is_saturated(s: State, least: f32) -> bool {
+    return s.transmittance <= least;
 }
 
 // Premultiplied, over a straight background.

@@ -28,6 +28,7 @@ pub fn fill_outside(
         msaa: request.msaa_resolve,
         mixes: false,
         order: BlendOrder::FrontToBack,
+        least_transmittance: 0.0,
     };
     let none = |_| Fragment { color: [0.0; 4], mode: 0, coverage: 0 };
     let inside = |x: usize, y: usize| {

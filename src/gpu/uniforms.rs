@@ -21,9 +21,10 @@ pub struct View {
     pub background_texture: u32,
     /// 0, which shaders cannot know when they are compiled.
     pub zero: u32,
+    /// As in `Request`.
+    pub least_transmittance: f32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 #[repr(C)]
@@ -203,9 +204,9 @@ mod tests {
                 code_step,
                 background_texture,
                 zero,
+                least_transmittance,
                 pad0,
-                pad1,
-                pad2
+                pad1
             }
         );
         same!(&long, Band { x0, y0, width, height, capacity, trip_budget, pad });

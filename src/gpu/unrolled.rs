@@ -24,6 +24,7 @@ pub fn text(temp: u32, back_to_front: bool) -> String {
         let _ = writeln!(text, "    exchange({i}u, {j}u);");
     }
     text.push_str("}\n\nfn composite(n: u32, only: u32) {\n");
+    // Without an early stop: neighbours seldom stop together, and not to stop keeps any bound.
     let mut visit = |i: u32| {
         let _ = writeln!(text, "    if n > {i}u {{ blend_entry(entries[{i}], only); }}");
     };

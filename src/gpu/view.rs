@@ -66,8 +66,8 @@ pub fn view_uniform(
         code_step: 0.0,
         background_texture: u32::from(matches!(background, Background::Image(_))),
         zero: 0,
+        least_transmittance: request.least_transmittance as f32,
         pad0: 0,
         pad1: 0,
-        pad2: 0,
     }
 }

@@ -26,10 +26,12 @@ impl<T: Real> State<T> {
         self.transmittance = self.transmittance * (T::ONE - a);
     }
 
-    /// Nothing behind can change the result any more, not even by a rounding.
+    /// No more than `least` is let through. At 0, nothing behind can change the result any more, not even by a
+    /// rounding. What is behind comes out as a mean of its colours: whatever of it is left out, a channel whose
+    /// colours reach M changes by `least` · M at most (python/abuffer/cutoff.py).
     #[inline]
-    pub fn is_saturated(&self) -> bool {
-        self.transmittance == T::ZERO
+    pub fn is_saturated(&self, least: T) -> bool {
+        self.transmittance <= least
     }
 
     /// The premultiplied colour over a straight background.

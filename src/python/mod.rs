@@ -138,7 +138,7 @@ fn adapters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
 /// Composites captured lists in float64. `color` is (F, 4) float32 or float64; `background` one colour, or
 /// (H·W·samples, 4). Returns (H·W, 4), or with msaa_resolve "none" (H·W·samples, 4).
 #[pyfunction]
-#[pyo3(signature = (offsets, color, background, coverage, blend, samples, msaa_resolve, back_to_front))]
+#[pyo3(signature = (offsets, color, background, coverage, blend, samples, msaa_resolve, back_to_front, least_transmittance))]
 #[allow(clippy::too_many_arguments)]
 fn composite<'py>(
     py: Python<'py>,
@@ -150,6 +150,7 @@ fn composite<'py>(
     samples: u32,
     msaa_resolve: &str,
     back_to_front: bool,
+    least_transmittance: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let background = Background::Image(cast_slice(background.as_slice()?));
     let offsets = offsets.as_slice()?;
@@ -160,6 +161,7 @@ fn composite<'py>(
         msaa: msaa_of(msaa_resolve),
         mixes: blend.is_some(),
         order: if back_to_front { BlendOrder::BackToFront } else { BlendOrder::FrontToBack },
+        least_transmittance,
     };
     let image = match &color {
         Values::F32(a) => {

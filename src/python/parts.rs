@@ -121,6 +121,8 @@ pub struct RequestParts {
     #[pyo3(item)]
     blend_order: String,
     #[pyo3(item)]
+    least_transmittance: f64,
+    #[pyo3(item)]
     pipeline: String,
     #[pyo3(item)]
     node_format: String,
@@ -177,6 +179,7 @@ impl RequestParts {
                 "back_to_front" => BlendOrder::BackToFront,
                 _ => BlendOrder::FrontToBack,
             },
+            least_transmittance: self.least_transmittance,
         }
     }
 }

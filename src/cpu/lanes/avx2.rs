@@ -115,6 +115,10 @@ impl Lanes for Avx2 {
         avx2!(_mm256_blendv_ps(b, a, _mm256_castsi256_ps(lanes)))
     }
     #[inline(always)]
+    fn any(self, lanes: __m256i) -> bool {
+        avx2!(_mm256_movemask_epi8(lanes) != 0)
+    }
+    #[inline(always)]
     fn floor_to_ints(self, a: __m256) -> [i32; 8] {
         self.int_array(avx2!(_mm256_cvttps_epi32(_mm256_floor_ps(a))))
     }

@@ -77,6 +77,8 @@ pub trait Lanes: Copy {
     fn less(self, a: Self::F32, b: Self::F32) -> Self::I32;
     /// `a` in `lanes` that are all set, `b` in those that are 0.
     fn choose(self, lanes: Self::I32, a: Self::F32, b: Self::F32) -> Self::F32;
+    /// Some lane is all set.
+    fn any(self, lanes: Self::I32) -> bool;
     /// The caller has bounded the values.
     fn floor_to_ints(self, a: Self::F32) -> [i32; 8];
     /// `Real::inverse_binade`.

@@ -91,6 +91,10 @@ impl Lanes for Plain {
         std::array::from_fn(|i| if lanes[i] < 0 { a[i] } else { b[i] })
     }
     #[inline(always)]
+    fn any(self, lanes: [i32; 8]) -> bool {
+        lanes.iter().any(|&lane| lane != 0)
+    }
+    #[inline(always)]
     fn floor_to_ints(self, a: [f32; 8]) -> [i32; 8] {
         a.map(Real::floor_to_i32)
     }

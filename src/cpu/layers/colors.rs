@@ -79,11 +79,14 @@ impl Shades {
 
 /// Straight RGBA of the entries of two neighbours, the left one's centre at (x, y).
 pub trait Color {
+    /// It takes longer to make a colour than to look whether it can be seen.
+    const IS_DEAR: bool;
     fn pair<V: Lanes>(&self, v: V, entries: [i64; 2], x: f32, y: f32) -> V::F32;
 }
 
 pub struct OfFlat<'a>(pub &'a [[f32; 4]]);
 impl Color for OfFlat<'_> {
+    const IS_DEAR: bool = false;
     #[inline(always)]
     fn pair<V: Lanes>(&self, v: V, [a, b]: [i64; 2], _: f32, _: f32) -> V::F32 {
         v.pair(self.0[a as u32 as usize], self.0[b as u32 as usize])
@@ -92,6 +95,7 @@ impl Color for OfFlat<'_> {
 
 pub struct OfPlanes<'a, const PERSPECTIVE: bool>(pub &'a [Shade]);
 impl<const PERSPECTIVE: bool> Color for OfPlanes<'_, PERSPECTIVE> {
+    const IS_DEAR: bool = true;
     #[inline(always)]
     fn pair<V: Lanes>(&self, v: V, entries: [i64; 2], x: f32, y: f32) -> V::F32 {
         let [a, b] = [&self.0[entries[0] as u32 as usize], &self.0[entries[1] as u32 as usize]];

@@ -122,6 +122,7 @@ pub struct Quick<'a> {
     background: Background<'a, f32>,
     instructions: Instructions,
     layers: usize,
+    least_transmittance: f32,
 }
 
 impl<'a> Quick<'a> {
@@ -139,6 +140,7 @@ impl<'a> Quick<'a> {
             background,
             instructions: walk.instructions,
             layers,
+            least_transmittance: rules.resolve.least_transmittance as f32,
         })
     }
 

@@ -12,6 +12,10 @@ use crate::cpu::target::ImageTarget;
 use crate::fragments::Background;
 use crate::methods::exact;
 
+/// Layers that are composited between two looks at what they let through, where colours are dear. Others, and lists
+/// that networks sort, are composited whole: to look costs more than it saves, and not to stop keeps any bound.
+const LOOK_EVERY: usize = 8;
+
 /// Resolves every pixel of the tile.
 #[inline(always)]
 pub fn resolve<V: Lanes, L: Listed<f32>>(
@@ -60,15 +64,16 @@ struct Tile<'a> {
 
 impl Tile<'_> {
     #[inline(always)]
-    fn resolve<V: Lanes, L: Listed<f32>>(
+    fn resolve<V: Lanes, C: Color, L: Listed<f32>>(
         &self,
         v: V,
-        colors: &impl Color,
+        colors: &C,
         list: &mut Vec<[i64; QUAD]>,
         target: &mut ImageTarget<'_, '_, f32, L>,
     ) {
         let (tile, quad) = (TILE as usize, QUAD);
         let Region { x0, y0, w, h } = self.region;
+        let least = self.quick.least_transmittance;
         for j in 0..h as usize {
             let (y, counts) = (y0 + j as i32, &self.next[j * tile..(j + 1) * tile]);
             for i in (0..w as usize).step_by(quad) {
@@ -107,7 +112,10 @@ impl Tile<'_> {
                             list.push(v.long_array(self.layer(v, k, pixel, lengths)));
                         }
                         sort_long(v, list);
-                        for &entries in list.iter() {
+                        for (k, &entries) in list.iter().enumerate() {
+                            if C::IS_DEAR && k % LOOK_EVERY == 0 && !let_through(v, states, least) {
+                                break;
+                            }
                             states = blend(v, entries, states, colors, at);
                         }
                     }
@@ -184,6 +192,12 @@ impl<V: Lanes> State<V> {
     fn over(self, v: V, a: [f32; 4], b: [f32; 4]) -> V::F32 {
         self.insert(v, v.pair(a, b)).rgba
     }
+}
+
+/// Whether some pixel lets more through than `least`.
+#[inline(always)]
+fn let_through<V: Lanes>(v: V, [left, right]: [State<V>; 2], least: f32) -> bool {
+    v.any(v.less(v.splat(least), v.max(left.transmittance, right.transmittance)))
 }
 
 /// Composites an entry of each of four pixels.

@@ -57,6 +57,7 @@ fn request(sort: Sort, memory: Option<u64>) -> Request {
         sort,
         limit: None,
         blend_order: BlendOrder::FrontToBack,
+        least_transmittance: 0.0,
         lists_on_gpu: ListOptions {
             rasteriser: crate::frame::Rasteriser::Hardware,
             storage: Storage::Linked,

@@ -187,13 +187,14 @@ fn composite_masks(sizes: &[u32], has_gradients: bool) -> String {
                     (i..size.min(i + 4)).map(|t| format!("(t{t} << {}u)", 8 * (t - i))).collect();
                 let _ = writeln!(
                     text,
-                    "let w{i} = {};\nfor (var i = {i}u; i < min({}u, visible); i++) {{ \
+                    "let w{i} = {};\nfor (var i = {i}u; i < min({}u, visible) && !is_done(state); i++) {{ \
                      composite_one(&state, i, plane_id[(w{i} >> (8u * (i - {i}u))) & 255u], at); }}",
                     bytes.join(" | "),
                     i + 4
                 );
             }
         } else {
+            // A flat colour is one read: it is composited whether it can be seen or not, which keeps any bound.
             for i in 0..size {
                 let _ = writeln!(
                     text,
