@@ -3,7 +3,7 @@
 
 use bytemuck::Zeroable;
 
-use crate::frame::allocate;
+use crate::memory::allocate;
 use crate::real::Real;
 
 /// Fragment lists of an image, `offsets` one longer than the pixels, the rest one entry a fragment.

@@ -14,6 +14,7 @@ pub mod error;
 pub mod fragments;
 pub mod frame;
 pub mod gpu;
+pub mod memory;
 pub mod methods;
 pub mod node_format;
 pub mod png;

@@ -16,7 +16,7 @@ SRC, PACKAGE = ROOT / "src", ROOT / "python" / "abuffer"
 # not know each other.
 RANKS = [
     {"error", "real"},
-    {"scene", "png", "samples", "shader", "threads"},
+    {"memory", "scene", "png", "samples", "shader", "threads"},
     {"camera", "clip", "fragments", "node_format"},
     {"blend", "frame", "methods"},
     {"resolve"},

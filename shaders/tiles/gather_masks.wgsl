@@ -20,6 +20,8 @@ var<workgroup> plane_y: array<f32, MOST>;
 var<workgroup> plane_id: array<u32, MOST>;
 
 var<private> covering: vec4u;
+// The triangles of the own pixel front to back, a byte each.
+var<private> order: array<u32, (DEPTH + 3u) / 4u>;
 
 fn load(t: u32, id: u32, corner: vec2i) {
     let item = item_of(id, corner.x, corner.y);
@@ -83,34 +85,33 @@ fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) 
     return counts.x + counts.y + counts.z + counts.w;
 }
 
-// The next triangle of the mask.
+// The next triangle of the mask; any of them, if there is none.
 fn take() -> u32 {
-    if covering.x != 0u {
-        let t = firstTrailingBit(covering.x);
-        covering.x &= covering.x - 1u;
-        return t;
-    }
-    if covering.y != 0u {
-        let t = firstTrailingBit(covering.y);
-        covering.y &= covering.y - 1u;
-        return t + 32u;
-    }
-    if covering.z != 0u {
-        let t = firstTrailingBit(covering.z);
-        covering.z &= covering.z - 1u;
-        return t + 64u;
-    }
-    let t = firstTrailingBit(covering.w);
-    covering.w &= covering.w - 1u;
-    return t + 96u;
+    // The first word that is not empty loses its lowest bit.
+    let empty = covering == vec4u(0u);
+    let is_first = vec4<bool>(!empty.x, empty.x & !empty.y, empty.x & empty.y & !empty.z, empty.x & empty.y & empty.z);
+    let bits = select(select(select(covering.w, covering.z, is_first.z), covering.y, is_first.y), covering.x, is_first.x);
+    let word = select(select(select(96u, 64u, is_first.z), 32u, is_first.y), 0u, is_first.x);
+    covering = select(covering, covering & (covering - 1u), is_first);
+    return min(word + firstTrailingBit(bits), MOST - 1u);
 }
 
-fn taken_key(t: u32, pixel: vec2u) -> u32 {
+fn taken_key(t: u32, is_taken: bool, pixel: vec2u) -> u32 {
     let d = vec2f(pixel) + 0.5 - vec2f(plane_x[t], plane_y[t]);
     let value = plane_value[t] + product(plane_gx[t], d.x) + product(plane_gy[t], d.y);
     let key = visible_key(clamped(value, plane_low[t], plane_high[t]), pixel);
-    if HIDES && key == HIDDEN {
-        visible -= 1u;
+    if HIDES {
+        visible -= u32(is_taken & (key == HIDDEN));
     }
-    return key;
+    return select(HIDDEN, key, is_taken);
+}
+
+fn composite(n: u32, local: u32, pixel: vec2u) -> State {
+    sort(n, pixel);
+    var state = begin();
+    for (var i = 0u; i < visible; i++) {
+        let t = (order[i / 4u] >> (8u * (i % 4u))) & 255u;
+        composite_one(&state, i, plane_id[t], vec2f(pixel) + 0.5);
+    }
+    return state;
 }

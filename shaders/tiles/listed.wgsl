@@ -28,11 +28,6 @@ fn end_list(pixel: u32) {
     list_starts[pixel] = list_start;
 }
 
-// All fragments are listed, whether they can be seen or not.
-fn is_done(state: State) -> bool {
-    return false;
-}
-
 // The i-th nearest fragment of the own pixel.
 fn keep(i: u32, id: u32, at: vec2f, color: vec4f) {
     let slot = list_start + i;

@@ -10,7 +10,8 @@ use super::resolve::TILE;
 use super::targets::place;
 use super::timing::Timing;
 use crate::error::Result;
-use crate::frame::{BlendOrder, Output, Request, allocate};
+use crate::frame::{BlendOrder, Output, Request};
+use crate::memory::allocate;
 use crate::resolve::{Fragment, Resolve};
 use crate::threads::threads;
 

@@ -51,11 +51,11 @@ impl Class {
         SIZES.into_iter().filter(|&n| n >= self.least && n <= self.depth).collect()
     }
 
-    /// What sorts, as WGSL. `has_gradients`: some colours are interpolated.
-    pub fn sort(&self, has_gradients: bool) -> Option<String> {
+    /// What sorts, as WGSL.
+    pub fn sort(&self) -> Option<String> {
         match self.gather {
             Gather::Triangles(_) => Some(sorts(&self.sizes()[1..])),
-            Gather::Masks => Some(composite_masks(&self.sizes(), has_gradients)),
+            Gather::Masks => Some(sort_masks(&self.sizes())),
             Gather::Staged => None, // loops: tiles/sort_staged.wgsl
         }
     }
@@ -124,6 +124,9 @@ pub fn own_constants(classes: &[Class], class: usize) -> String {
     )
 }
 
+/// Fragments between two branches: drivers take much longer over branches than over what these leave out.
+const STRAIGHT: usize = 4;
+
 const SIZES: [u32; 10] = [1, 2, 4, 8, 12, 16, 24, 32, 48, 64];
 
 /// `sort` of tiles/composite_staged.wgsl: by the number of fragments one of several networks, whose entries are variables
@@ -159,50 +162,36 @@ fn sorts(sizes: &[u32]) -> String {
     text
 }
 
-/// `composite` of the classes that keep masks: keys are made, sorted and composited without leaving registers.
-fn composite_masks(sizes: &[u32], has_gradients: bool) -> String {
-    let mut text = String::from(
-        "fn composite(n: u32, local: u32, pixel: vec2u) -> State {\nlet all = widest(n);\n\
-         if all == 0u { return begin(); }\n",
-    );
+/// `sort` of tiles/gather_masks.wgsl: keys are made and sorted without leaving registers. What is composited in which order
+/// is kept as bytes.
+fn sort_masks(sizes: &[u32]) -> String {
+    let mut text = String::from("fn sort(n: u32, pixel: vec2u) {\nlet all = widest(n);\n");
     for &size in sizes {
         if Some(&size) == sizes.last() {
-            let _ = writeln!(text, "return composite_{size}(n, pixel);\n}}");
+            let _ = writeln!(text, "sort_{size}(n, pixel);\n}}");
         } else {
-            let _ = writeln!(text, "if all <= {size}u {{ return composite_{size}(n, pixel); }}");
+            let _ = writeln!(text, "if all <= {size}u {{ sort_{size}(n, pixel); return; }}");
         }
     }
     for &size in sizes {
-        let _ = writeln!(text, "fn composite_{size}(n: u32, pixel: vec2u) -> State {{");
+        let _ = writeln!(text, "fn sort_{size}(n: u32, pixel: vec2u) {{");
         for i in 0..size {
             let _ = writeln!(text, "var k{i} = HIDDEN; var t{i} = 0u;");
-            let _ = writeln!(text, "if n > {i}u {{ t{i} = take(); k{i} = taken_key(t{i}, pixel); }}");
+        }
+        for first in (0..size).step_by(STRAIGHT) {
+            let _ = writeln!(text, "if n > {first}u {{");
+            for i in first..size.min(first + STRAIGHT as u32) {
+                let _ = writeln!(text, "t{i} = take(); k{i} = taken_key(t{i}, n > {i}u, pixel);");
+            }
+            text.push_str("}\n");
         }
         order(&mut text, size);
-        text.push_str("var state = begin();\nlet at = vec2f(pixel) + 0.5;\n");
-        if has_gradients {
-            // Long to write out: four at a time, of which a register has a byte each.
-            for i in (0..size).step_by(4) {
-                let bytes: Vec<_> =
-                    (i..size.min(i + 4)).map(|t| format!("(t{t} << {}u)", 8 * (t - i))).collect();
-                let _ = writeln!(
-                    text,
-                    "let w{i} = {};\nfor (var i = {i}u; i < min({}u, visible) && !is_done(state); i++) {{ \
-                     composite_one(&state, i, plane_id[(w{i} >> (8u * (i - {i}u))) & 255u], at); }}",
-                    bytes.join(" | "),
-                    i + 4
-                );
-            }
-        } else {
-            // A flat colour is one read: it is composited whether it can be seen or not, which keeps any bound.
-            for i in 0..size {
-                let _ = writeln!(
-                    text,
-                    "if k{i} != HIDDEN {{ composite_one(&state, {i}u, plane_id[t{i}], at); }}"
-                );
-            }
+        for first in (0..size).step_by(4) {
+            let bytes = first..size.min(first + 4);
+            let bytes: Vec<_> = bytes.map(|t| format!("(t{t} << {}u)", 8 * (t - first))).collect();
+            let _ = writeln!(text, "order[{}] = {};", first / 4, bytes.join(" | "));
         }
-        text.push_str("return state;\n}\n");
+        text.push_str("}\n");
     }
     text
 }
@@ -220,14 +209,15 @@ fn order(text: &mut String, size: u32) {
     if size < 2 {
         return;
     }
-    // Ties are seldom, and come apart.
-    let ties: Vec<_> = (1..size).map(|i| format!("(k{i} != HIDDEN && k{} == k{i})", i - 1)).collect();
-    let _ = writeln!(text, "var ties = {};\nwhile ties {{\nties = false;", ties.join(" || "));
+    // Ties are seldom, and come apart. (& and | do not branch.)
+    let ties: Vec<_> = (1..size).map(|i| format!("((k{i} != HIDDEN) & (k{} == k{i}))", i - 1)).collect();
+    let _ = writeln!(text, "var ties = {};\nwhile ties {{\nties = false;", ties.join(" | "));
     for i in 1..size {
         let h = i - 1;
         let _ = writeln!(
             text,
-            "if k{i} != HIDDEN && k{h} == k{i} && t{h} < t{i} {{ let t = t{h}; t{h} = t{i}; t{i} = t; ties = true; }}"
+            "{{ let s = (k{i} != HIDDEN) & (k{h} == k{i}) & (t{h} < t{i}); let t = select(t{h}, t{i}, s); \
+             t{i} = select(t{i}, t{h}, s); t{h} = t; ties |= s; }}"
         );
     }
     text.push_str("}\n");

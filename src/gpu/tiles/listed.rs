@@ -5,11 +5,11 @@ use rayon::prelude::*;
 use super::image::values;
 use crate::error::Result;
 use crate::fragments::{Extras, Fragments};
-use crate::frame::out_of_memory;
 use crate::gpu::buffers::storage;
 use crate::gpu::device::Gpu;
 use crate::gpu::readback::copied;
 use crate::gpu::resolve::TILE;
+use crate::memory::out_of_memory;
 use crate::real::depth_of_key;
 use crate::threads::threads;
 

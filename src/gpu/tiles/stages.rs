@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::gpu::buffers::{Slot, layout};
 use crate::gpu::device::Gpu;
 use crate::gpu::pipelines::{compile, compute_uncleared, once};
-use crate::gpu::variant::{BuildStage, ColorsOf, Variant};
+use crate::gpu::variant::{BuildStage, Variant};
 use crate::shader::Composed;
 use crate::threads::threads;
 
@@ -271,7 +271,7 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         Gather::Staged => files.extend(["tiles/composite_staged", "tiles/sort_staged"]),
     }
     let mut composed = text(variant, &files)?;
-    if let Some(sort) = own.sort(variant.colors == ColorsOf::Corners) {
+    if let Some(sort) = own.sort() {
         composed.push(&sort, "sort".into());
     }
     let counts = format!("const COUNTS = {};\n", leaves != Leaves::Color);
