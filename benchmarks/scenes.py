@@ -1,5 +1,7 @@
 """Benchmark scenes, given in pixels, so that what varies is their size on the screen, or the length of lists.
 
+Those that are hard for something are in named.py.
+
 Each is (meshes, camera, width, height). The camera is orthographic, a unit a pixel. A `scale` other than 1 renders
 about so large a share of the fragments, at about the same depth complexity.
 """
@@ -38,19 +40,20 @@ def random_triangles(name, seed=0, scale=1.0, table=RANDOM):
     width, height, count, size = table[name]
     width, height = (round(side * scale**0.5) for side in (width, height))
     count, size = (round(count * scale), size) if size < 100 else (count, size * scale**0.5)
-    mesh = ab.Mesh(**_soup(count, size, width, height, np.random.default_rng(seed)))
-    return mesh, _camera(height), width, height
+    mesh = ab.Mesh(**soup(count, size, width, height, np.random.default_rng(seed)))
+    return mesh, pixel_camera(height), width, height
 
 
 def half_hidden(scale=1.0, seed=0):
     """254k translucent triangles of ~6 px among 348k opaque ones, as in the demo that GPU Pro 2 describes."""
     width, height = (round(side * scale**0.5) for side in (1280, 720))
     rng = np.random.default_rng(seed)
-    opaque, translucent = (_soup(round(count * scale), 6, width, height, rng) for count in (348_000, 254_000))
-    return [ab.Mesh(**opaque, opaque=True), ab.Mesh(**translucent)], _camera(height), width, height
+    opaque, translucent = (soup(round(count * scale), 6, width, height, rng) for count in (348_000, 254_000))
+    return [ab.Mesh(**opaque, opaque=True), ab.Mesh(**translucent)], pixel_camera(height), width, height
 
 
-def _soup(count, size, width, height, rng):
+def soup(count, size, width, height, rng):
+    """Arrays of `count` triangles as `random_triangles` describes them."""
     corners = rng.uniform(0, 1, (count, 1, 2)) * (width, height) + rng.uniform(-size, size, (count, 3, 2))
     z = -rng.uniform(0, 1, (count, 3, 1))
     positions = np.concatenate([corners - (width / 2, height / 2), z], axis=-1).astype(np.float32)
@@ -58,7 +61,8 @@ def _soup(count, size, width, height, rng):
     return {"positions": positions, "colors": colors.astype(np.float32)}
 
 
-def _camera(height):
+def pixel_camera(height):
+    """A unit a pixel, depth along −z."""
     return ab.Camera.orthographic((0, 0, 0), (0, 0, -1), height=height)
 
 
@@ -79,7 +83,7 @@ def layers(lengths, seed=0):
     faces = 4 * np.arange(len(owner))[:, None] + np.array([0, 1, 2, 0, 2, 3])
     colors = np.concatenate([rng.uniform(0, 1, (len(owner), 3)), np.full((len(owner), 1), LAYER_ALPHA)], axis=1)
     mesh = ab.Mesh(positions, faces.reshape(-1, 3), np.repeat(colors, 2, axis=0).astype(np.float32), color_mode="face")
-    return mesh, _camera(CELL * rows), CELL * columns, CELL * rows
+    return mesh, pixel_camera(CELL * rows), CELL * columns, CELL * rows
 
 
 def of_lengths(least, most, scale=1.0, seed=0):
