@@ -1,7 +1,7 @@
 """Benchmark scenes by name: each of NAMED is hard for something, which its docstring's first line says.
 
-Each is a function of `scale`, and returns (meshes, camera, width, height) as those of scenes.py do: scaled down, an image
-is smaller, or triangles are fewer, so that about so large a share of the fragments is left.
+Each is a function of `scale`, and returns (meshes, camera, width, height) as those of scenes.py do: scaled down, an
+image is smaller, or triangles are fewer, so that about so large a share of the fragments is left.
 """
 
 import functools
@@ -18,7 +18,7 @@ TILE = 16  # pixels a side, in pipeline tiles
 
 
 def nested_icospheres(scale=1.0):
-    """Order: 12 meshes, each inside the next, so that no order of meshes is right; 24 layers, edges shared throughout."""
+    """Order: 12 meshes, each inside the next, so that no order of meshes is right; 24 layers, all edges shared."""
     level = int(np.clip(round(4 + np.log(scale) / np.log(4)), 1, 6))  # triangles as large in a smaller image
     vertices, faces = icosphere(level)
     rng = np.random.default_rng(0)
@@ -52,7 +52,7 @@ def screen_filling_layers(scale=1.0):
 
 
 def hair(scale=1.0):
-    """Thinness: 1 M triangles a third of a pixel wide and ~8 long, most of whose boxes are empty; many cover no centre."""
+    """Thinness: 1 M triangles a third of a pixel wide and 8 long, whose boxes are nearly empty; many cover no centre."""
     width, height = _size(scale)
     strands, segments = max(round(20_000 * scale), 1), 25
     rng = np.random.default_rng(0)
@@ -101,7 +101,7 @@ def sheets(scale=1.0):
 
 
 def shells(scale=1.0):
-    """Coherence, half of it reversed: 24 shells, outermost first, whose near halves come in order and far halves against."""
+    """Coherence, half of it reversed: 24 shells, outermost first: near halves come in order, far halves against it."""
     level = int(np.clip(round(5 + np.log(scale) / np.log(4)), 1, 6))
     vertices, faces = icosphere(level)
     rng = np.random.default_rng(0)
@@ -130,7 +130,7 @@ def one_hot_pixel(scale=1.0):
 
 
 def one_tile(scale=1.0):
-    """Balance: 100,000 triangles of ~2 px in one tile of 16×16 pixels, with hundreds of layers; all others are empty."""
+    """Balance: 100,000 triangles of ~2 px in one tile of 16×16 pixels, hundreds deep; all others are empty."""
     count, (width, height), size = max(round(100_000 * scale), 1), (1280, 720), 2
     corner = np.array([width // 2 // TILE * TILE - width // 2, height // 2 - height // 2 // TILE * TILE - TILE])
     arrays = soup(count, size, TILE - 2 * size, TILE - 2 * size, np.random.default_rng(0))

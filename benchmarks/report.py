@@ -24,7 +24,7 @@ class Report:
         print(*lines, "", sep="\n", flush=True)
 
     def table(self, head, cells):
-        self.say(*("| " + " | ".join(map(str, row)) + " |" for row in [head, ["---"] * len(head), *cells]))
+        self.say(*lines_of(head, cells))
 
     def variant(self, name, scene, options, **rest):
         return Variant(name, scene, self.options | options, **rest)
@@ -57,6 +57,11 @@ class Report:
         if path:
             with open(path, "w") as file:
                 json.dump({"device": self.device, "scale": self.scale, "rows": self.rows}, file, indent=1)
+
+
+def lines_of(head, cells):
+    """A table's lines in markdown."""
+    return ["| " + " | ".join(map(str, row)) + " |" for row in [head, ["---"] * len(head), *cells]]
 
 
 def cells(rows, columns):

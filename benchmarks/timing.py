@@ -1,7 +1,8 @@
 """Measures renders in turns, so that what else the machine does hits them alike, and checks what they return.
 
-A render is a scene, named by a function of scenes.py and its arguments, and options of `abuffer.render`. Run as a
-program it measures what it reads from stdin, with the environment of that process, and is asked to by `measure_apart`.
+A render is a scene, named by a function of scenes.py or named.py and its arguments, and options of `abuffer.render`.
+Run as a program it measures what it reads from stdin, with the environment of that process, and is asked to by
+`measure_apart`.
 """
 
 import functools
@@ -14,6 +15,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 
+import named
 import numpy as np
 
 import abuffer as ab
@@ -21,6 +23,8 @@ import scenes
 
 AWAKE_SECONDS = 0.1
 
+# Stages that are the host's. With several submissions there is no span of GPU time: the sum of the others stands for it.
+HOST = ("upload", "wait and readback", "lists")
 # Sums of the stages that a render reports: GPU time.
 CLASSES = ("resolve ", "average", "long lists")
 SUMS = {
@@ -59,26 +63,27 @@ class Variant:
     """A row to measure."""
 
     name: str
-    scene: tuple  # a function of scenes.py, then its arguments
+    scene: tuple  # a function of scenes.py or named.py, then its arguments
     options: dict = field(default_factory=dict)
     like: str | None = ""  # the row whose image it is checked against: "" the first one, None none
     check: object = same_bits
     without: str = ""  # features that are withheld from a process of its own
+    awake: bool = False  # no frames beforehand: see `render`
 
 
 @functools.lru_cache(maxsize=4)
 def build(function, *arguments):
-    return getattr(scenes, function)(*arguments)
+    return (vars(scenes) | vars(named))[function](*arguments)
 
 
-def render(scene, options):
+def render(scene, options, awake=False):
     """A frame, and the wall time it took.
 
     A GPU lowers its clock while it waits, for the CPU's part of the frame before say: it is woken first by frames that
-    are not counted.
+    are not counted, unless it is `awake` whatever it does, as a software driver is.
     """
     meshes, camera, width, height = build(*scene)
-    if options.get("device") != "cpu":
+    if options.get("device") != "cpu" and not awake:
         image_only = options | {"fragments": False}
         start = time.perf_counter()
         while time.perf_counter() - start < AWAKE_SECONDS:
@@ -92,20 +97,26 @@ def run_of(frame, wall):
     """The times of one render."""
     stages = frame.stats.ms
     sums = {name: sum(ms for stage, ms in stages.items() if of(stage)) for name, of in SUMS.items()}
-    return {"wall": wall} | sums | {"stages": stages}
+    gpu = frame.stats.gpu_ms
+    if gpu is None and frame.stats.device != "cpu":
+        gpu = sum(ms for stage, ms in stages.items() if stage not in HOST) or None  # a device may have no timestamps
+    return {"wall": wall, "gpu": gpu} | sums | {"stages": stages}
 
 
 def facts_of(frame):
     """What does not change from turn to turn."""
-    reasons = {what: why for what, _, why in frame.plan}
+    chosen, reasons = ({row[0]: row[i] for row in frame.plan} for i in (1, 2))
     return {
+        "device": frame.stats.device,
         "pixels": frame.image.shape[0] * frame.image.shape[1],
         "fragments": frame.stats.fragments,
         "longest": frame.stats.max_depth_complexity,
         "bands": frame.stats.bands,
-        "node": frame.plan["node format"],
-        "lists": reasons["lists"],
-        "opaque geometry": frame.plan["opaque geometry"],
+        "bytes": frame.stats.bytes,
+        # Only GPUs store nodes.
+        "node": chosen.get("node format"),
+        "lists": reasons.get("lists"),
+        "opaque geometry": chosen.get("opaque geometry"),
         "digest": hashlib.sha256(frame.image.tobytes()).hexdigest(),
     }
 
@@ -121,9 +132,9 @@ def measure(variants, repeats):
             if "error" in row:
                 continue
             try:
-                frame, wall = render(v.scene, v.options)
-            except (ab.UnsupportedError, ab.CapacityError) as error:
-                row["error"] = str(error)
+                frame, wall = render(v.scene, v.options, v.awake)
+            except (ab.AbufferError, ImportError, MemoryError) as error:
+                row["error"] = f"{type(error).__name__}: {error}"
                 continue
             if turn:
                 row["runs"].append(run_of(frame, wall))
@@ -164,8 +175,8 @@ def summed(rows):
     """Rows with medians of their runs."""
     for row in rows:
         runs = row["runs"]
-        for name in ("wall", *SUMS) if runs else ():
-            row[name] = statistics.median(run[name] for run in runs)
+        for name in ("wall", "gpu", *SUMS) if runs else ():
+            row[name] = statistics.median(run[name] for run in runs) if runs[0][name] is not None else None
         stages = dict.fromkeys(stage for run in runs for stage in run["stages"])
         row["stages"] = {s: statistics.median(run["stages"].get(s, 0.0) for run in runs) for s in stages}
     return list(rows)
