@@ -52,7 +52,7 @@ def screen_filling_layers(scale=1.0):
 
 
 def hair(scale=1.0):
-    """Thinness: 1 M triangles a third of a pixel wide and 8 long, whose boxes are nearly empty; many cover no centre."""
+    """Thinness: 1 M triangles a third of a pixel wide and 8 long, of nearly empty boxes; many cover no centre."""
     width, height = _size(scale)
     strands, segments = max(round(20_000 * scale), 1), 25
     rng = np.random.default_rng(0)

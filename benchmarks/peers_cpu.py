@@ -1,4 +1,4 @@
-"""The CPU's tiles beside what moderngl makes of the same cores, on Mesa's llvmpipe: plain blending, and a naive A-buffer.
+"""The CPU's tiles beside moderngl on the same cores, by Mesa's llvmpipe: plain blending, and a naive A-buffer.
 
     python benchmarks/peers_cpu.py [--repeats 15] [--model dragon_vrip_res2.ply] [--json out.json] [--markdown out.md]
 
@@ -57,7 +57,8 @@ def main():
     first = first_row(gl, arguments.repeats)
     columns = ["20k of ~20 px, 1280×720", "ms, median", "÷ ours"]
     text = [
-        f"{gl.info['GL_RENDERER']}, OpenGL {gl.info['GL_VERSION']}; {os.cpu_count()} cores; medians of {arguments.repeats}.",
+        f"{gl.info['GL_RENDERER']}, OpenGL {gl.info['GL_VERSION']}; {os.cpu_count()} cores.",
+        f"Medians of {arguments.repeats}.",
         "",
         *lines_of(head, lines),
         "",

@@ -3,8 +3,8 @@
     python benchmarks/run.py [--devices cpu gpu] [--pipelines tiles linked_list prefix_sum] [--scenes "20k of ~20 px"]
                              [--scale 1.0] [--repeats 7] [--json out.json] [--markdown out.md]
 
-All pipelines that a device has (`abuffer.pipelines()`) are rows, those that fail too. Needs numpy; trimesh and pymeshfix
-for the real model; torch for the bandwidth of a GPU's copies. `--scale 0.05` suits a software driver.
+All pipelines that a device has (`abuffer.pipelines()`) are rows, those that fail too. Needs numpy; trimesh and
+pymeshfix for the real model; torch for the bandwidth of a GPU's copies. `--scale 0.05` suits a software driver.
 """
 
 import argparse

@@ -23,7 +23,7 @@ import scenes
 
 AWAKE_SECONDS = 0.1
 
-# Stages that are the host's. With several submissions there is no span of GPU time: the sum of the others stands for it.
+# Stages that are the host's. Several submissions have no span of GPU time: the sum of the others stands for it.
 HOST = ("upload", "wait and readback", "lists")
 # Sums of the stages that a render reports: GPU time.
 CLASSES = ("resolve ", "average", "long lists")
