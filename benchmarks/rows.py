@@ -47,7 +47,7 @@ def stages(row):
 def scene_cells(facts):
     if "error" in facts:
         return [facts["scene"], facts["error"], *[""] * 4, facts["hard for"]]
-    bins = ", ".join(f"{length}: {pixels:,}" for length, pixels in facts["pixels by list length"].items())
+    bins = ", ".join(f"{length}: {pixels:,}" for length, pixels in facts["pixels by list length"].items() if pixels)
     counts = [f"{facts[key]:,}" for key in ("triangles", "fragments", "deepest")]
     return [facts["scene"], facts["size"], *counts, bins, facts["hard for"]]
 
