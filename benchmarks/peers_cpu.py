@@ -1,6 +1,6 @@
 """The CPU's tiles beside moderngl on the same cores, by Mesa's llvmpipe: plain blending, and a naive A-buffer.
 
-    python benchmarks/peers_cpu.py [--repeats 15] [--model dragon_vrip_res2.ply] [--json out.json] [--markdown out.md]
+    python benchmarks/peers_cpu.py [--repeats 25] [--model dragon_vrip_res2.ply] [--json out.json] [--markdown out.md]
 
 Four kinds of scene at 512×512, with everything prebuilt on either side: a frame is one call that returns an image in
 numpy. Frames take turns; medians, and medians over turns of ratios. Needs benchmarks/requirements-peers.txt, and EGL.
@@ -27,11 +27,12 @@ BACKGROUND = (51 / 255, 77 / 255, 102 / 255, 1)
 OURS, BLENDING, LISTS = "abuffer, CPU", "plain blending", "linked lists"
 # The A-buffer's colours are half floats; edges may snap to either side.
 CHANGED, ALLOWED = 1 / 255, 0.002
+WARM_UP = 8  # rounds
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--repeats", type=int, default=25)
     parser.add_argument("--model", help="a file for D; None: the Stanford bunny that comes with pymeshfix")
     parser.add_argument("--json", help="a file for all times")
     parser.add_argument("--markdown", help="a file for the tables")
@@ -141,13 +142,13 @@ def first_row(gl, repeats):
 
 
 def in_turns(sides, repeats):
-    """Milliseconds of each, in turns; one round before is not counted."""
+    """Milliseconds of each, in turns; rounds before them, whose memory is new to the process, are not counted."""
     times = {name: [] for name in sides}
-    for turn in range(repeats + 1):
+    for turn in range(-WARM_UP, repeats):
         for name, call in sides.items():
             start = time.perf_counter()
             call()
-            if turn:
+            if turn >= 0:
                 times[name].append((time.perf_counter() - start) * 1e3)
     return times
 

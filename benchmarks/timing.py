@@ -22,6 +22,8 @@ import abuffer as ab
 import scenes
 
 AWAKE_SECONDS = 0.1
+# The first frames of a process take up to twice as long: their memory is new to it.
+WARM_SECONDS = 0.3
 
 # Stages that are the host's. Several submissions have no span of GPU time: the sum of the others stands for it.
 HOST = ("upload", "wait and readback", "lists")
@@ -122,7 +124,7 @@ def facts_of(frame):
 
 
 def measure(variants, repeats):
-    """A row a variant, in turns; the first turn makes pipelines and pages, and is not counted."""
+    """A row a variant, in turns; the first turn makes pipelines and pages, lasts WARM_SECONDS, and is not counted."""
     rows = {v.name: {"name": v.name, "runs": []} for v in variants}
     likes = {v.like or variants[0].name for v in variants}
     references = {}
@@ -132,7 +134,10 @@ def measure(variants, repeats):
             if "error" in row:
                 continue
             try:
+                start = time.perf_counter()
                 frame, wall = render(v.scene, v.options, v.awake)
+                while not turn and time.perf_counter() - start < WARM_SECONDS:
+                    render(v.scene, v.options, v.awake)
             except (ab.AbufferError, ImportError, MemoryError) as error:
                 row["error"] = f"{type(error).__name__}: {error}"
                 continue
