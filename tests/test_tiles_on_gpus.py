@@ -91,6 +91,16 @@ def test_more_triangles_than_a_chunk_and_a_bin_start_with_keep_their_order():
     assert_same_lists(cpu, gpu)
 
 
+def test_triangles_of_several_blocks_of_a_chunk_are_all_binned():
+    """Over 262,144 triangles a workgroup bins several blocks one after the other."""
+    rng = np.random.default_rng(0)
+    center = rng.uniform(0, 1, (270_000, 1, 3)) * (991, 558, 1)
+    mesh = ab.Mesh(center + rng.uniform(-1, 1, (270_000, 3, 3)), colors=(1, 0, 0, 0.5))
+    camera = ab.Camera.orthographic((495.5, 279, 9), (495.5, 279, 0), height=558)
+    cpu, gpu = both(mesh, camera, width=991, height=558, fragments="count")
+    np.testing.assert_array_equal(gpu.counts, cpu.counts)
+
+
 def test_a_list_longer_than_a_software_drivers_loops_is_whole():
     flat = np.tile(np.float32([[-9, -9, 0], [9, -9, 0], [0, 9, 0]]), (70_000, 1, 1))
     frame = GPU_TILES.render(ab.Mesh(flat, colors=(1, 1, 1, 1e-5)), PERSPECTIVE, width=3, height=2, fragments="count")

@@ -126,5 +126,6 @@ fn cs_scatter_bins(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         for (var b = local; b < bin_count; b += BLOCK) {
             atomicStore(&filled[b], atomicLoad(&filled[b]) + count_all(b));
         }
+        workgroupBarrier(); // the masks are read before the next block empties them
     }
 }
