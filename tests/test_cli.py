@@ -1,5 +1,6 @@
 """The command line."""
 
+import json
 import subprocess
 import sys
 import time
@@ -9,6 +10,7 @@ import pytest
 from PIL import Image
 
 import abuffer as ab
+from abuffer import bench, measured
 from abuffer.__main__ import LONG, _status, main
 
 OBJ = """\
@@ -289,3 +291,37 @@ def test_without_rich_there_is_no_progress(capsys, monkeypatch):
     with _status("rendering"):
         time.sleep(LONG + 0.1)
     assert capsys.readouterr() == ("", "")
+
+
+# ---- bench ----
+
+
+def test_bench_prints_each_case_and_the_row_that_auto_chooses_by(needs_gpu, monkeypatch, capsys):
+    monkeypatch.setattr(bench, "SCENES", {"few": (2, 40), "many": (30, 6)})
+    monkeypatch.setattr(bench, "WIDTH", 64)
+    monkeypatch.setattr(bench, "HEIGHT", 48)
+    assert main(["bench", "--repeats", "1", "--calibrate"]) == 0
+    lines, start = capsys.readouterr().out.split("{", 1)
+    assert [line.split()[:2] for line in lines.splitlines()[1:]] == [
+        [case, scene] for case in measured.CASES for scene in ("few", "many")
+    ]
+    entry = json.loads("{" + start)
+    assert entry["device"] in ab.devices()
+    assert all(entry[case][scene] > 0 for case in measured.CASES for scene in ("few", "many"))
+
+
+def test_a_case_that_fails_is_a_line_and_leaves_the_choice_as_it_was(monkeypatch, capsys):
+    rows = [
+        {"case": "image", "scene": "few", "error": "it lacks 4 samples"},
+        {"case": "image", "scene": "many", "tiles_ms": 1.0, "linked_list_ms": 3.0, "ratio": 0.3333, "device": "Voodoo"},
+    ]
+    monkeypatch.setattr(bench, "compare", lambda *_: iter(rows))
+    assert main(["bench", "--calibrate"]) == 0
+    out = capsys.readouterr().out
+    assert "it lacks 4 samples" in out
+    assert json.loads(out[out.index("{") :]) == {"device": "Voodoo", "image": {"few": 1.0, "many": 0.33}}
+
+
+def test_bench_needs_a_gpu_and_a_repeat(capsys):
+    assert "--repeats" in failed(capsys, 2, "bench", "--repeats", "0")
+    assert "needs a GPU" in failed(capsys, 2, "bench", "--device", "cpu")

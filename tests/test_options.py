@@ -67,7 +67,7 @@ def test_without_options_the_core_is_asked_for_the_defaults(asked):
     request = asked()
     assert {name: request[name] for name in DEFAULTS} == DEFAULTS
     assert (request["samples"], request["pipeline"], request["blends"]) == (1, "tiles", [])
-    assert asked(device="gpu", fragments=True)["pipeline"] == "linked_list"
+    assert asked(device="gpu", sort="auto", resolve="compute")["pipeline"] == "linked_list"
     assert asked(device="gpu")["pipeline"] == "tiles"
     assert asked(pipeline="prefix_sum", device="auto")["pipeline"] == "prefix_sum"
 

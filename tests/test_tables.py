@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import abuffer as ab
-from abuffer import tables
+from abuffer import measured, tables
+from abuffer.job import prepared
 
 TRIANGLE = ab.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0, 0, 0.5))
 CAMERA = ab.Camera.look_at((0, 0, 3), (0, 0, 0))
@@ -190,10 +191,8 @@ def test_auto_is_the_best_real_gpu(machine):
     machine(LARGE, SMALL, SOFTWARE)
     place, plan = chosen()
     assert place == 0
-    assert plan == {
-        "device": ("Voodoo 2 SLI", "the best real GPU"),
-        "pipeline": ("linked_list", "the GPU's, for lists, samples and blend modes"),
-    }
+    assert plan["device"] == ("Voodoo 2 SLI", "the best real GPU")
+    assert plan["pipeline"] == measured.faster("discrete", "image", 0)
 
 
 def test_auto_passes_over_a_gpu_that_lacks_what_is_needed(machine):
@@ -353,12 +352,78 @@ def test_a_pipeline_of_gpus_on_the_cpu_is_a_wrong_argument(machine, pipeline):
         assert 'device="gpu"' in text
 
 
-def test_a_real_gpu_takes_tiles_for_what_nothing_lists_and_a_software_driver_lists(machine):
+# ---- what auto means by a pipeline, on a GPU ----
+
+
+def test_a_gpu_takes_what_was_faster_on_its_kind(machine, monkeypatch):
+    """By the case, and by whether there are few triangles or many; the plan says what was measured, and on what."""
     machine(LARGE, SOFTWARE)
-    assert chosen("gpu", lists=False)[1]["pipeline"][0] == "tiles"
-    assert chosen("gpu", lists=True)[1]["pipeline"][0] == "linked_list"
-    assert chosen("softpipe", lists=False)[1]["pipeline"][0] == "linked_list"
-    assert chosen("gpu", pipeline="prefix_sum", lists=False)[1]["pipeline"] == ("prefix_sum", "as asked")
+    cases = {case: {"few": 0.5, "many": 2.0} for case in measured.CASES}
+    table = {"real": cases | {"device": "Banshee"}, "software": {case: {"few": 3, "many": 0.25} for case in cases}}
+    table["software"]["device"] = "refrast"
+    monkeypatch.setattr(measured, "TILES_TO_LINKED_LIST", table)
+    for case, words in measured.CASES.items():
+        found = {
+            (device, n): chosen(device, case=case, triangles=n)[1]["pipeline"]
+            for device in ("gpu", "softpipe")
+            for n in (measured.FEW, measured.FEW + 1)
+        }
+        few, many, *software = found.values()
+        assert few == ("tiles", f"tiles took 0.5 of linked_list's time for {words} of few triangles, on Banshee")
+        assert many == (
+            "linked_list",
+            f"tiles took 2 of linked_list's time for {words} of many triangles, on Banshee",
+        )
+        assert [name for name, _ in software] == ["linked_list", "tiles"]
+
+
+def test_options_of_nodes_take_the_pipeline_that_has_nodes(machine):
+    machine(LARGE)
+    assert chosen("gpu", nodes=True)[1]["pipeline"] == ("linked_list", "it has nodes to store as the options say")
+
+
+def test_a_pipeline_that_is_asked_for_is_taken(machine):
+    machine(LARGE)
+    assert chosen("gpu", pipeline="prefix_sum")[1]["pipeline"] == ("prefix_sum", "as asked")
+
+
+@pytest.mark.parametrize(
+    ("case", "arguments"),
+    [
+        ("image", {}),
+        ("image", {"fragments": "count", "cutoff": 0.1}),
+        ("lists", {"fragments": True}),
+        ("lists", {"fragments": "all"}),
+        ("samples", {"samples": 4, "fragments": True}),
+        ("stored", {"sort": "heap"}),
+        ("stored", {"max_sorted_fragments": 3}),
+    ],
+)
+def test_a_renders_case_is_what_it_asks_for(machine, monkeypatch, case, arguments):
+    machine(LARGE)
+    asked = []
+    monkeypatch.setattr(tables, "faster", lambda kind, *rest: asked.append(rest) or ("tiles", "why"))
+    prepared(TRIANGLE, CAMERA, device="gpu", **arguments)
+    assert asked == [(case, 1)]
+
+
+def test_modes_and_listed_opaque_surfaces_are_stored(machine, monkeypatch):
+    machine(LARGE)
+    asked = []
+    monkeypatch.setattr(tables, "faster", lambda kind, *rest: asked.append(rest) or ("tiles", "why"))
+    prepared(TRIANGLE.replaced(blend="screen"), CAMERA, device="gpu")
+    prepared(TRIANGLE.replaced(opaque=True), CAMERA, device="gpu", fragments="all")
+    assert asked == [("stored", 1), ("stored", 1)]
+
+
+def test_every_case_was_measured_on_both_kinds_of_device():
+    for row in measured.TILES_TO_LINKED_LIST.values():
+        assert row["device"]
+        assert all(set(row[case]) == {"few", "many"} for case in measured.CASES)
+        assert all(ratio > 0 for case in measured.CASES for ratio in row[case].values())
+
+
+# ---- what does not go together ----
 
 
 def test_tiles_run_on_a_gpu_that_is_asked_for(machine):
@@ -383,7 +448,7 @@ def test_a_gpu_render_names_its_adapter_and_whether_it_is_software(needs_gpu):
     name = frame.plan["device"].removesuffix(", a software driver")
     software = ab.devices()[name]["kind"] == "software"
     assert frame.plan["device"].endswith(", a software driver") == software
-    assert frame.plan["pipeline"] == "linked_list"
+    assert frame.plan["pipeline"] == measured.faster("software" if software else "real", "image", 1)[0]
     cpu = ab.render(TRIANGLE, CAMERA, width=8, height=8, device="cpu")
     np.testing.assert_allclose(frame.image, cpu.image, atol=1e-6)
 
@@ -392,4 +457,4 @@ def test_a_part_of_the_real_name_serves_too(needs_gpu):
     by_gpu = ab.render(TRIANGLE, CAMERA, width=8, height=8, device="gpu")
     name = by_gpu.plan["device"].removesuffix(", a software driver")
     again = ab.render(TRIANGLE, CAMERA, width=8, height=8, device=name[:6].upper())
-    assert again.plan["pipeline"] == "linked_list"
+    assert again.plan["device"] == by_gpu.plan["device"]

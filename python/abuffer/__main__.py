@@ -2,12 +2,14 @@
 
 import argparse
 import contextlib
+import json
 import sys
 import threading
 import warnings
 from pathlib import Path
 
 import abuffer as ab
+from abuffer import bench
 
 LONG = 1.0  # seconds after which work says that it is going on
 
@@ -82,6 +84,20 @@ def _parser():
     add("--precision", default="float32", help="float32 (default) or float64")
     add("--memory", metavar="BYTES", help='limit for lists and scratch, such as "2GiB"')
 
+    timing = commands.add_parser(
+        "bench",
+        help="time the pipelines of a GPU against each other",
+        description="Times pipelines tiles and linked_list on one device, in turns.",
+    )
+    timing.set_defaults(run=_bench)
+    timing.add_argument("--device", default="gpu", help="gpu (the best adapter, the default) or part of a name")
+    timing.add_argument("--repeats", type=int, default=9, metavar="N", help="renders of each (default: 9)")
+    timing.add_argument(
+        "--calibrate",
+        action="store_true",
+        help="print the row that pipeline auto chooses by, for python/abuffer/measured.py",
+    )
+
     devices = commands.add_parser("devices", help="print the devices that can render", description="Prints devices.")
     devices.set_defaults(run=lambda _: print(ab.devices()))
     pipelines = commands.add_parser("pipelines", help="print the pipelines", description="Prints pipelines.")
@@ -128,6 +144,25 @@ def _render(given):
     print(f"{output}: {width}x{height}, {frame.stats}")
     if given.plan:
         print(frame.plan)
+
+
+def _bench(given):
+    if given.repeats < 1:
+        raise ab.ParameterError(f"--repeats must be at least 1, got {given.repeats}")
+    rows = []
+    header = f"{'case':<9}{'triangles':<11}{'tiles, ms':>11}{'linked_list, ms':>17}{'tiles ÷ linked_list':>21}"
+    with _status("rendering"):
+        for row in bench.compare(given.device, given.repeats):
+            if not rows:
+                print(header)
+            rows.append(row)
+            start = f"{row['case']:<9}{row['scene']:<11}"
+            if "error" in row:
+                print(start + row["error"], flush=True)
+            else:
+                print(f"{start}{row['tiles_ms']:>11.2f}{row['linked_list_ms']:>17.2f}{row['ratio']:>21.2f}", flush=True)
+    if given.calibrate:
+        print(json.dumps(bench.constants(rows), indent=4))
 
 
 def _writable(option, path, suffixes):

@@ -16,7 +16,7 @@ from .errors import ParameterError
 from .fragments import Fragments
 from .frame import Frame, Plan, Stats
 from .layers import render_by_layers
-from .options import OPTIONS, all_of, warn_of_clamping
+from .options import NODE_OPTIONS, OPTIONS, all_of, warn_of_clamping
 from .options import samples as checked_samples
 from .scene import Scene, as_scene
 
@@ -121,9 +121,13 @@ def prepared(
     plan = []
     meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
     own = own_blends(mesh.blend for mesh in meshes)
-    listed = fragments in (True, "all") or samples > 1 or any(mesh.blend != "over" for mesh in meshes)
-    listed = listed or bool(options.keys() - {"cutoff"})
-    wants = tables.Wants(samples=samples, numpy=any(blend.wgsl is None for blend in own), lists=listed)
+    wants = tables.Wants(
+        samples=samples,
+        numpy=any(blend.wgsl is None for blend in own),
+        case=_case(meshes, samples, fragments, options),
+        triangles=scene.triangle_count,
+        nodes=any(name in options for name in NODE_OPTIONS),
+    )
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
     request = all_of(options, pipeline) | {
@@ -156,6 +160,17 @@ def prepared(
 
 
 ARGUMENTS = tuple(name for name in inspect.signature(prepared).parameters if name != "options")
+
+
+def _case(meshes, samples, fragments, options):
+    """What a GPU has to do (see `measured.CASES`)."""
+    if any(mesh.blend != "over" for mesh in meshes) or options.keys() - {"cutoff"}:
+        return "stored"
+    if fragments == "all" and any(mesh.opaque for mesh in meshes):
+        return "stored"
+    if samples > 1:
+        return "samples"
+    return "lists" if fragments in (True, "all") else "image"
 
 
 def _image_size(width, height, camera, background):

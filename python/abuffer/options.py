@@ -24,6 +24,7 @@ NODE_CHOICES = {
     "node_format": ("float32", "rgba8_depth32", "rgba8_depth24_coverage8", "rgb565_depth16", "rgb9e5_alpha8_depth24"),
     "resolve": ("compute", "fragment"),
 }
+NODE_OPTIONS = (*NODE_CHOICES, "resolve_classes")
 CLASSES = (1, 4, 8, 16, 32, 64)
 OPTIONS = (*CHOICES, "max_sorted_fragments", "cutoff", *NODE_CHOICES, "resolve_classes")
 SAMPLES = (1, 2, 4, 8, 16)
@@ -36,7 +37,7 @@ def all_of(given, pipeline) -> dict:
         ParameterError: a value that is none of an option's, or an option that `pipeline` does not have.
     """
     for name in given:
-        if name in (*NODE_CHOICES, "resolve_classes") and pipeline not in NODE_PIPELINES:
+        if name in NODE_OPTIONS and pipeline not in NODE_PIPELINES:
             have = " and ".join(NODE_PIPELINES)
             raise ParameterError(
                 f"{name} is an option of pipelines {have}, and this render's is {pipeline}: "

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from . import _core
 from .errors import DeviceError, ParameterError
+from .measured import faster
 
 
 class Table(dict):
@@ -108,7 +109,9 @@ class Wants(NamedTuple):
 
     samples: int = 1  # a pixel
     numpy: bool = False  # a Blend that has nothing for GPUs
-    lists: bool = True  # something that needs stored lists, or chooses how they are stored
+    case: str = "image"  # of measured.CASES
+    triangles: int = 0  # of the scene
+    nodes: bool = False  # an option of how nodes are stored
 
 
 def choose(pipeline, device, precision, environment, plan, wants=None):
@@ -137,16 +140,12 @@ def choose(pipeline, device, precision, environment, plan, wants=None):
     found = _adapters()[adapter]
     software = ", a software driver" if found["kind"] == "software" else ""
     plan.append(("device", f"{found['name']}{software}", why))
-    # Measured on an H100 (benchmarks/RESULTS.md): tiles take a fifteenth to a fortieth of linked_list's GPU time; on
-    # Mesa's llvmpipe up to five times as long. With lists returned prefix_sum takes 0.93 to 1.32 times as long.
     if pipeline != "auto":
         reason = "as asked"
-    elif wants.lists:
-        pipeline, reason = "linked_list", "the GPU's, for lists, samples and blend modes"
-    elif found["kind"] == "software":
-        pipeline, reason = "linked_list", "a software driver takes longer for tiles"
+    elif wants.nodes:
+        pipeline, reason = "linked_list", "it has nodes to store as the options say"
     else:
-        pipeline, reason = "tiles", "the GPU's, for an image of fragments that nothing lists"
+        pipeline, reason = faster(found["kind"], wants.case, wants.triangles)
     plan.append(("pipeline", pipeline, reason))
     return adapter, pipeline
 
