@@ -99,6 +99,8 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "tiles/composite_staged",
     "tiles/sort_staged",
     "tiles/gather_triangles",
+    "tiles/gather_deep",
+    "tiles/block",
     "tiles/widest",
     "tiles/widest_subgroup",
     "tiles/opaque_read",

@@ -207,6 +207,24 @@ def test_faces_in_one_place_are_ordered_by_primitive():
     assert_same_image(ab.Mesh(flat, colors=colors((7,))), PERSPECTIVE)
 
 
+@pytest.mark.parametrize("layers", [6, 20])
+@pytest.mark.parametrize("hides", [False, True])
+def test_small_triangles_in_deep_pixels_are_sorted_in_registers_too(layers, hides):
+    """Layers of triangles of some 8 pixels, crooked, so that their depths cross; a software driver's registers hold 8."""
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(-4, 68, 4.0), np.arange(-4, 52, 4.0)))
+    halves = np.array([[(0, 0), (4, 0), (0, 4)], [(4, 0), (4, 4), (0, 4)]])
+    flat = (halves[None] + np.stack([x, y], 1)[:, None, None]).reshape(-1, 3, 2)
+    rng = np.random.default_rng(53)
+    sheets = [np.concatenate([flat, rng.uniform(0, 2, (len(flat), 3, 1)) - k], 2) for k in range(layers)]
+    scene = [ab.Mesh(sheet, colors=colors((len(flat),), k)) for k, sheet in enumerate(sheets)]
+    if hides:
+        scene.append(ab.Mesh([[[-9, -9, -3], [90, -9, -1], [-9, 90, -1]]], colors=(0, 1, 0), opaque=True))
+    camera = ab.Camera.orthographic((32, 24, 9), (32, 24, 0), height=48)
+    frame = assert_same_image(scene, camera, width=64, height=48)
+    if ("software" in frame.plan["device"]) == (layers == 6):
+        assert "deep triangles" in frame.plan["tile classes"]
+
+
 @pytest.mark.parametrize("n", [8, 16, 17, 63, 64, 65, 200])
 def test_a_pixel_deeper_than_any_class_is_rendered_whole(n):
     rng = np.random.default_rng(41)

@@ -17,10 +17,10 @@ FEW = 5_000
 TILES_TO_LINKED_LIST = {
     "real": {
         "device": "NVIDIA H100 80GB HBM3",
-        "image": {"few": 0.21, "many": 0.11},
-        "lists": {"few": 0.16, "many": 0.34},
-        "samples": {"few": 1.0, "many": 1.0},
-        "stored": {"few": 1.0, "many": 1.0},
+        "image": {"few": 0.15, "many": 0.18},
+        "lists": {"few": 0.49, "many": 0.36},
+        "samples": {"few": 0.45, "many": 0.44},
+        "stored": {"few": 0.44, "many": 0.35},
     },
     "software": {
         "device": "llvmpipe (LLVM 15.0.6, 256 bits)",

@@ -147,7 +147,8 @@ fn plan_tile(tile: u32, span: Span, area: u32, sixteenths: u32) {
     }
 }
 
-// The class that a tile starts in. 0 and 1 take triangles in turns, 2 to 4 keep masks of few, 5 takes whatever is left.
+// The class that a tile starts in. 0 and 1 take triangles in turns, 2 to 4 keep masks of few, 5 takes small triangles in
+// deep pixels, 6 whatever is left.
 // A guess, for speed alone: where it is too low the part goes on to the next.
 fn class_of_tile(count: u32, area: u32, sixteenths: u32) -> u32 {
     var depths = CLASS_DEPTHS;
@@ -161,7 +162,7 @@ fn class_of_tile(count: u32, area: u32, sixteenths: u32) -> u32 {
         return select(1u, 0u, 1.1 * sum <= f32(entries[0]));
     }
     if count > 128u {
-        return 5u;
+        return select(6u, 5u, is_small && count <= 0xffffu);
     }
     if expected <= f32(depths[2]) {
         return 2u;

@@ -86,7 +86,7 @@ fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) 
 }
 
 // The next triangle of the mask; any of them, if there is none.
-fn take() -> u32 {
+fn take(i: u32) -> u32 {
     // The first word that is not empty loses its lowest bit.
     let empty = covering == vec4u(0u);
     let is_first = vec4<bool>(!empty.x, empty.x & !empty.y, empty.x & empty.y & !empty.z, empty.x & empty.y & empty.z);

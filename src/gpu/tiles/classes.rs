@@ -5,12 +5,19 @@ use std::fmt::Write;
 use crate::gpu::device::Gpu;
 use crate::gpu::unrolled::network;
 
-pub const CLASS_COUNT: usize = 6;
+pub const CLASS_COUNT: usize = 7;
 /// Words of `Classes` in shaders/tiles/classes.wgsl.
 pub const CLASS_WORDS: usize = CLASS_COUNT + 1 + 4;
 /// For people.
-pub const CLASS_NAMES: [&str; CLASS_COUNT] =
-    ["triangles", "more triangles", "masks, short", "masks, longer", "masks, long", "staged"];
+pub const CLASS_NAMES: [&str; CLASS_COUNT] = [
+    "triangles",
+    "more triangles",
+    "masks, short",
+    "masks, longer",
+    "masks, long",
+    "deep triangles",
+    "staged",
+];
 /// Pixels of a tile, and of the smallest part of one.
 const TILE_PIXELS: u32 = 256;
 const UNIT: u32 = 32;
@@ -27,6 +34,8 @@ pub enum Gather {
     Triangles(u32),
     /// An invocation a pixel, a bit for each triangle that covers it.
     Masks,
+    /// An invocation a triangle, with room for each pixel's deepest.
+    Deep,
     /// An invocation a pixel, with room in workgroup memory.
     Staged,
 }
@@ -55,7 +64,12 @@ impl Class {
     pub fn sort(&self) -> Option<String> {
         match self.gather {
             Gather::Triangles(_) => Some(sorts(&self.sizes()[1..])),
-            Gather::Masks => Some(sort_masks(&self.sizes())),
+            Gather::Masks => Some(sort_taken(&self.sizes(), 8)),
+            // Powers of two alone: with loads of keys each takes longer to compile.
+            Gather::Deep => {
+                let powers = self.sizes().into_iter().filter(|n| n.is_power_of_two());
+                Some(sort_taken(&powers.collect::<Vec<_>>(), 16))
+            }
             Gather::Staged => None, // loops: tiles/sort_staged.wgsl
         }
     }
@@ -65,6 +79,7 @@ impl Class {
         match self.gather {
             Gather::Triangles(entries) => entries,
             Gather::Masks => 0,
+            Gather::Deep => self.depth * self.threads, // two to a word
             Gather::Staged => self.depth * self.threads,
         }
     }
@@ -83,7 +98,8 @@ pub fn classes_of([short, longer, long]: [u32; 3]) -> [Class; CLASS_COUNT] {
         class(Gather::Triangles(2048), 0, long.min(16), TILE_PIXELS, 5),
         class(Gather::Masks, 0, short, TILE_PIXELS, 3),
         class(Gather::Masks, short, longer, TILE_PIXELS, 4),
-        class(Gather::Masks, longer, long, 128, 5),
+        class(Gather::Masks, longer, long, 128, 6),
+        class(Gather::Deep, short, long, 64, 6),
         class(Gather::Staged, 0, long, if long > 32 { 32 } else { 64 }, CLASS_COUNT),
     ]
 }
@@ -162,9 +178,9 @@ fn sorts(sizes: &[u32]) -> String {
     text
 }
 
-/// `sort` of tiles/gather_masks.wgsl: keys are made and sorted without leaving registers. What is composited in which order
-/// is kept as bytes.
-fn sort_masks(sizes: &[u32]) -> String {
+/// `sort` of tiles/gather_masks.wgsl and tiles/gather_deep.wgsl: keys are made and sorted without leaving registers. What is
+/// composited in which order is kept in so many bits each.
+fn sort_taken(sizes: &[u32], bits: u32) -> String {
     let mut text = String::from("fn sort(n: u32, pixel: vec2u) {\nlet all = widest(n);\n");
     for &size in sizes {
         if Some(&size) == sizes.last() {
@@ -181,15 +197,16 @@ fn sort_masks(sizes: &[u32]) -> String {
         for first in (0..size).step_by(STRAIGHT) {
             let _ = writeln!(text, "if n > {first}u {{");
             for i in first..size.min(first + STRAIGHT as u32) {
-                let _ = writeln!(text, "t{i} = take(); k{i} = taken_key(t{i}, n > {i}u, pixel);");
+                let _ = writeln!(text, "t{i} = take({i}u); k{i} = taken_key(t{i}, n > {i}u, pixel);");
             }
             text.push_str("}\n");
         }
         order(&mut text, size);
-        for first in (0..size).step_by(4) {
-            let bytes = first..size.min(first + 4);
-            let bytes: Vec<_> = bytes.map(|t| format!("(t{t} << {}u)", 8 * (t - first))).collect();
-            let _ = writeln!(text, "order[{}] = {};", first / 4, bytes.join(" | "));
+        let each = 32 / bits;
+        for first in (0..size).step_by(each as usize) {
+            let parts = first..size.min(first + each);
+            let parts: Vec<_> = parts.map(|t| format!("(t{t} << {}u)", bits * (t - first))).collect();
+            let _ = writeln!(text, "order[{}] = {};", first / each, parts.join(" | "));
         }
         text.push_str("}\n");
     }

@@ -258,6 +258,7 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         match own.gather {
             Gather::Triangles(_) => "tiles/gather_triangles",
             Gather::Masks => "tiles/gather_masks",
+            Gather::Deep => "tiles/gather_deep",
             Gather::Staged => "tiles/gather_staged",
         },
         if variant.hides { "tiles/opaque_read" } else { "tiles/opaque_none" },
@@ -266,7 +267,8 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         "methods/exact",
     ];
     match own.gather {
-        Gather::Triangles(_) => files.push("tiles/composite_staged"),
+        Gather::Triangles(_) => files.extend(["tiles/block", "tiles/composite_staged"]),
+        Gather::Deep => files.push("tiles/block"),
         Gather::Masks => {}
         Gather::Staged => files.extend(["tiles/composite_staged", "tiles/sort_staged"]),
     }
