@@ -423,7 +423,19 @@ def test_every_case_was_measured_on_both_kinds_of_device():
         assert all(ratio > 0 for case in measured.CASES for ratio in row[case].values())
 
 
-# ---- what does not go together ----
+def test_a_chosen_pipeline_that_cannot_gives_way_to_one_that_can(needs_gpu, monkeypatch):
+    """One row of tiles has more triangles than this memory has room for; lists of single pixels fit."""
+    monkeypatch.setattr(tables, "faster", lambda *_: ("tiles", "why"))
+    corners = np.random.default_rng(0).uniform(0, 1, (8000, 1, 3)) * (32, 16, 1) + np.eye(3)
+    cloud, camera = ab.Mesh(corners, colors=(1, 0, 0, 0.1)), ab.Camera.orthographic((16, 8, 9), (16, 8, 0), height=16)
+    arguments = {"width": 32, "height": 16, "device": "gpu", "memory": 40_000}
+    frame = ab.render(cloud, camera, **arguments)
+    assert frame.plan["pipeline"] == "linked_list"
+    (why,) = [why for what, _, why in frame.plan if what == "pipeline"]
+    assert why.startswith("tiles cannot: ")
+    assert frame.stats.dropped_fragments == 0
+    with pytest.raises(ab.CapacityError):
+        ab.render(cloud, camera, pipeline="tiles", **arguments)
 
 
 def test_tiles_run_on_a_gpu_that_is_asked_for(machine):

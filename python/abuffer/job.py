@@ -12,7 +12,7 @@ from . import _check, _core, tables
 from .blend import own_blends, require
 from .camera import Camera, _size
 from .cutoff import least_transmittance
-from .errors import ParameterError
+from .errors import CapacityError, ParameterError, UnsupportedError
 from .fragments import Fragments
 from .frame import Frame, Plan, Stats
 from .layers import render_by_layers
@@ -27,6 +27,7 @@ class Job:
 
     Attributes:
         adapter: its place in `_core.adapters()`, None for the CPU.
+        may_change: the pipeline was chosen, not asked for.
         own: the Blends of the scene.
         request, parts, view, behind: what the core takes.
     """
@@ -34,6 +35,7 @@ class Job:
     scene: Scene
     camera: Camera
     adapter: int | None
+    may_change: bool
     plan: list
     own: tuple
     background: np.ndarray
@@ -46,12 +48,23 @@ class Job:
     def output(self, upload=None):
         """What the core gives: of a GPU's `_core.Upload`, if there is one that has this scene."""
         if self.adapter is not None:
-            upload = upload or _core.Upload(self.adapter)
-            return upload.render(self.parts, self.view, self.request, self.behind)
+            return self._on_gpu(upload or _core.Upload(self.adapter))
         if self.own:
             self.plan.append(("compositing", "numpy, in float64", "a Blend is a callable here"))
             return render_by_layers(self.parts, self.view, self.request, self.behind, self.dtype, self.own)
         return _core.render_cpu(self.parts, self.view, self.request, self.behind, self.dtype == np.float64)
+
+    def _on_gpu(self, upload):
+        try:
+            return upload.render(self.parts, self.view, self.request, self.behind)
+        except (CapacityError, UnsupportedError) as e:
+            if not self.may_change or self.request["pipeline"] != "tiles":
+                raise
+            why = f"tiles cannot: {e}"
+        # Which takes geometry and images in parts of any size.
+        place = [what for what, *_ in self.plan].index("pipeline")
+        self.plan[place] = ("pipeline", "linked_list", why)
+        return upload.render(self.parts, self.view, self.request | {"pipeline": "linked_list"}, self.behind)
 
     def frame(self, output) -> Frame:
         """The frame that `output` holds."""
@@ -128,6 +141,7 @@ def prepared(
         triangles=scene.triangle_count,
         nodes=any(name in options for name in NODE_OPTIONS),
     )
+    may_change = pipeline == "auto"
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
     request = all_of(options, pipeline) | {
@@ -148,6 +162,7 @@ def prepared(
         scene=scene,
         camera=camera,
         adapter=adapter,
+        may_change=may_change,
         plan=plan,
         own=own,
         background=background,

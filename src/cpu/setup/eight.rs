@@ -12,8 +12,8 @@ use super::{FLAT, Record, SUBPIXELS};
 use crate::cpu::lanes::Avx2;
 use crate::cpu::lanes::{Instructions, Lanes, Plain};
 use crate::cpu::plane::{Plane, Slopes};
-#[cfg(target_arch = "x86_64")]
-use crate::real::Real;
+use crate::real::split;
+use crate::scene::Positions;
 
 const EIGHT: usize = 8;
 
@@ -95,15 +95,40 @@ impl<V: Lanes> Corner<V> {
     }
 }
 
+/// `Real::relative` of one coordinate: positions as two floats each.
+#[inline(always)]
+fn relative<V: Lanes>(v: V, high: [f32; EIGHT], rest: [f32; EIGHT], center: f64) -> V::F32 {
+    let (high, rest) = (v.floats(high), v.floats(rest));
+    let (center, center_rest) = split(center);
+    let sum = v.sub(high, v.splat(center));
+    let shadow = v.sub(sum, high);
+    let lost = v.add(v.sub(high, v.sub(sum, shadow)), v.sub(v.splat(-center), shadow));
+    v.add(sum, v.add(lost, v.sub(rest, v.splat(center_rest))))
+}
+
 #[inline(always)]
 fn transformed<V: Lanes>(v: V, of: &Faces<f32>, ids: &[[usize; 3]; EIGHT], corner: usize) -> Corner<V> {
-    let (mut x, mut y, mut z) = ([0.0; EIGHT], [0.0; EIGHT], [0.0; EIGHT]);
-    for lane in 0..EIGHT {
-        let position = of.mesh.positions.get(ids[lane][corner]);
-        let relative = |i: usize| f32::relative(position[i], of.view.center[i]);
-        (x[lane], y[lane], z[lane]) = (relative(0), relative(1), relative(2));
+    let (mut high, mut rest) = ([[0.0; EIGHT]; 3], [[0.0; EIGHT]; 3]);
+    match of.mesh.positions {
+        Positions::F32(given) => {
+            for lane in 0..EIGHT {
+                let [x, y, z] = given[ids[lane][corner]];
+                (high[0][lane], high[1][lane], high[2][lane]) = (x, y, z);
+            }
+        }
+        Positions::F64(given) => {
+            for lane in 0..EIGHT {
+                let position = given[ids[lane][corner]];
+                for i in 0..3 {
+                    (high[i][lane], rest[i][lane]) = split(position[i]);
+                }
+            }
+        }
     }
-    let (x, y, z) = (v.floats(x), v.floats(y), v.floats(z));
+    let center = of.view.center;
+    let x = relative(v, high[0], rest[0], center.x);
+    let y = relative(v, high[1], rest[1], center.y);
+    let z = relative(v, high[2], rest[2], center.z);
     macro_rules! dot {
         ($row:expr) => {{
             let row = &of.view.rows[$row];
