@@ -266,6 +266,37 @@ def test_sorted_lists_come_in_as_many_bands_as_they_take(memory):
     assert_same_lists(cpu, gpu)
 
 
+@pytest.mark.parametrize("fragments", [True, "count"])
+@pytest.mark.parametrize("samples", [1, 4])
+def test_bins_that_do_not_fit_memory_come_in_bands_whatever_is_listed(samples, fragments):
+    """Opaque surfaces are drawn, and lists of several samples or of pixels too deep for registers made, band after band."""
+    deep = np.tile(np.float32([[-0.5, -1.4, 0.5], [0.5, -1.4, 0.5], [0, 1.4, 0.5]]), (70, 1, 1))
+    scene = [
+        ab.Mesh(two_layers(), colors=colors((7200,))),
+        ab.Mesh(cloud(6, 61, 0.7), colors=colors((6,)), opaque=True),
+        ab.Mesh(deep, colors=(0, 0, 1, 0.05)),
+    ]
+    asked = {"width": 320, "height": 320, "samples": samples, "fragments": fragments}
+    cpu, gpu = both(scene, PERSPECTIVE, **asked, memory=120_000)
+    np.testing.assert_array_equal(gpu.counts, cpu.counts)
+    whole = GPU_TILES.render(scene, PERSPECTIVE, **asked)
+    np.testing.assert_array_equal(gpu.image, whole.image)
+    assert (whole.stats.bands, gpu.stats.bands > 1) == (1, True)
+    if fragments is True:
+        assert_same_lists(cpu, gpu)
+
+
+def test_more_bins_than_there_are_at_once_come_in_bands():
+    """512 bins of 256×256 pixels are what one band has."""
+    p = cloud(300, 67, 0.02) * (6, 0.03, 1)
+    mesh = ab.Mesh(p, colors=colors((300,)))
+    camera = ab.Camera.orthographic((0, 0, 9), (0, 0, 0), height=0.2)
+    asked = {"width": 16384, "height": 2200, "samples": 2, "fragments": "count"}
+    cpu, gpu = both(mesh, camera, **asked)
+    assert cpu.stats.fragments > 100_000
+    np.testing.assert_array_equal(gpu.counts, cpu.counts)
+
+
 def test_lists_that_do_not_fit_a_row_of_tiles_are_still_whole():
     mesh = ab.Mesh(cloud(40, 5, 0.6), colors=colors((40,)))
     cpu, gpu = both(mesh, PERSPECTIVE, memory=20_000)

@@ -49,7 +49,7 @@ pub fn render(
     let budget = Budget::of(gpu, &variant, request.memory.unwrap_or(DEFAULT_MEMORY));
 
     let clock = Instant::now();
-    let (frame, codes, rect) =
+    let (mut frame, codes, rect) =
         upload((gpu, kept), &variant, (scene, camera), request, &background, &budget, &mut stats)?;
     stats.rejected_triangles = frame.raster.rejected();
     plan::describe_rect(rect, request, &mut stats);
@@ -102,10 +102,16 @@ pub fn render(
     let contiguous = variant.storage == Storage::Contiguous;
     rect.map_or(Ok(()), |rect| budget.check(rect))?;
     // Rectangles to do, and the nodes that each is known to need.
+    let bands = match &frame.raster {
+        Raster::Hardware(_) => vec![0],
+        Raster::Tiles(walker) => walker.bands(),
+    };
+    let cut = rect.map_or(vec![], |rect| rect.cut(&bands));
     let mut waiting: Vec<(Rect, Option<u64>)> =
-        rect.map_or(vec![], |rect| rect.parts(budget.pixels)).into_iter().map(|r| (r, None)).collect();
+        cut.into_iter().flat_map(|rect| rect.parts(budget.pixels)).map(|r| (r, None)).collect();
     let parts = waiting.len();
     while let Some((rect, known)) = waiting.pop() {
+        frame.turn_to(rect.y0)?;
         // Of several parts nobody knows yet how much is where.
         let wanted = known.unwrap_or(if parts > 1 { expected.min(budget.nodes) } else { expected });
         let mut fresh = match pool.take() {

@@ -59,10 +59,30 @@ impl Raster {
 
 impl Frame<'_> {
     /// Draws what hides, if anything does: it becomes the background of its samples.
-    pub fn draw_opaque(&self, stats: &mut Stats) -> Result<()> {
+    pub fn draw_opaque(&mut self, stats: &mut Stats) -> Result<()> {
         if !self.pipelines.variant.hides {
             return Ok(());
         }
+        if let Raster::Tiles(walker) = &self.raster {
+            for y in walker.bands() {
+                self.turn_to(y)?;
+                self.draw_opaque_band(stats)?;
+            }
+            return Ok(());
+        }
+        self.draw_opaque_band(stats)
+    }
+
+    /// Makes ready for a row of pixels.
+    pub fn turn_to(&mut self, y: u32) -> Result<()> {
+        let of = tiles::Context { gpu: self.gpu, pipelines: &self.pipelines, view: &self.view };
+        match &mut self.raster {
+            Raster::Hardware(_) => Ok(()),
+            Raster::Tiles(walker) => walker.turn_to(of, y),
+        }
+    }
+
+    fn draw_opaque_band(&self, stats: &mut Stats) -> Result<()> {
         let timing = Timing::new(self.gpu);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let geometry = match &self.raster {

@@ -55,7 +55,6 @@ pub struct Bins {
     pub grid: Grid,
     /// Rows of tiles of the image, and of a band: those that there are bins and memory for at once.
     all_rows: u32,
-    most_rows: u32,
     rows: u32,
     pub rasters: wgpu::Buffer,
     pub boxes: wgpu::Buffer,
@@ -88,6 +87,21 @@ pub struct Counted {
     /// The pixels where translucent triangles may land.
     pub rect: Option<Rect>,
 }
+
+impl Counted {
+    /// With what another band counted.
+    pub fn with(self, band: Self) -> Self {
+        Self {
+            rejected: band.rejected, // of the whole scene, in each
+            longest: self.longest.max(band.longest),
+            entries: self.entries.saturating_add(band.entries),
+            rect: self.rect.map_or(band.rect, |own| Some(band.rect.map_or(own, |other| own.join(other)))),
+        }
+    }
+}
+
+/// Of a band: three demands, and as many halvings as a row has bits.
+pub const MOST_TRIES: u32 = 20;
 
 impl Bins {
     /// Room for a scene's triangles, and as many entries as one triangle mostly has.
@@ -145,7 +159,6 @@ impl Bins {
                 tile_entries: storage(gpu, "tile entries", 4 * u64::from(grid.tile_capacity)),
                 piece_capacity,
                 all_rows: tiles_y,
-                most_rows: rows,
                 rows,
                 grid,
             })
@@ -169,14 +182,23 @@ impl Bins {
         self.grid.first_row + self.grid.tiles_y
     }
 
-    pub fn is_whole(&self) -> bool {
-        self.grid.tiles_y == self.all_rows
+    /// Rows of tiles of a band, but for the last.
+    pub fn rows(&self) -> u32 {
+        self.rows
     }
 
-    /// Turns to the whole image, if there are bins for it.
-    pub fn turn_to_whole(&mut self) -> bool {
-        self.rows = self.most_rows; // earlier frames may have needed bands
-        self.turn_to(0) && self.is_whole()
+    /// First rows of all bands.
+    pub fn bands(&self) -> Vec<u32> {
+        (0..self.all_rows).step_by(self.rows as usize).collect()
+    }
+
+    /// The first row of the band that a row of tiles is in.
+    pub fn band_of(&self, row: u32) -> u32 {
+        row / self.rows * self.rows
+    }
+
+    pub fn is_whole(&self) -> bool {
+        self.grid.tiles_y == self.all_rows
     }
 
     pub fn is_last(&self) -> bool {
@@ -330,18 +352,17 @@ impl Bins {
         tiles_y > 1 && self.turn_to(first_row)
     }
 
-    /// Makes room, or the band smaller. `memory`: bytes that lists may take. `cuts`: the image may be rendered in bands.
-    pub fn grow(&mut self, gpu: &Gpu, to: Room, memory: u64, cuts: bool) -> Result<()> {
+    /// Makes room, or the band smaller. `memory`: bytes that lists may take.
+    pub fn grow(&mut self, gpu: &Gpu, to: Room, memory: u64) -> Result<()> {
         let needed = 4 * (u64::from(to.bin_entries) + u64::from(to.tile_entries));
         let limit = memory.min(gpu.adapter.max_binding);
-        if needed > limit && cuts && self.halve() {
+        if needed > limit && self.halve() {
             return Ok(());
         }
         let grid = &mut self.grid;
         if needed > limit {
-            let what = if cuts { "one row of tiles" } else { "all tiles" };
             return Err(Error::Capacity {
-                what: format!("the triangle lists of {what}"),
+                what: "the triangle lists of one row of tiles".into(),
                 needed,
                 limit,
                 advice: "raise memory=, or render with pipeline=\"linked_list\" or device=\"cpu\"".into(),

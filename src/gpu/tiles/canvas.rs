@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::bins::{Bins, BinsKey, Room};
+use super::bins::{Bins, BinsKey, MOST_TRIES, Room};
 use super::classes::{CLASS_COUNT, CLASS_WORDS};
 use super::image::{Band, Ended, Found, Image, ImageKey, values};
 use super::opaque::{Opaque, OpaqueKey};
@@ -17,9 +17,6 @@ use crate::gpu::kept::Kept;
 use crate::gpu::readback::copied;
 use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::Window;
-
-/// Of a band: three demands, and as many halvings as a row has bits.
-const MOST_TRIES: u32 = 20;
 
 /// What one camera's image is made with. It may be used again for others of the same size.
 pub struct Canvas {
@@ -86,7 +83,7 @@ impl Canvas {
                         found.listed.push(listed.read(gpu, fragments, first_row)?);
                     }
                 }
-                Ended::Needs(room) => match self.bins.grow(gpu, room, memory, true) {
+                Ended::Needs(room) => match self.bins.grow(gpu, room, memory) {
                     Err(Error::Capacity { .. }) if self.image.listed.is_some() => return Ok(None),
                     grown => grown?,
                 },
@@ -107,7 +104,7 @@ impl Canvas {
     }
 
     pub fn grow(&mut self, gpu: &Gpu, room: Room, memory: u64) -> Result<()> {
-        self.bins.grow(gpu, room, memory, true)
+        self.bins.grow(gpu, room, memory)
     }
 
     /// Gives the device the band that bins are turned to.

@@ -99,11 +99,7 @@ pub struct Found {
 impl Found {
     /// Adds what a band counted.
     fn add(&mut self, counted: Counted, classes: &[u32]) {
-        let all = &mut self.counted;
-        all.rejected = counted.rejected; // of the whole scene, each time
-        all.rect = counted.rect;
-        all.longest = all.longest.max(counted.longest);
-        all.entries += counted.entries;
+        self.counted = self.counted.with(counted);
         self.parts.iter_mut().zip(classes).for_each(|(all, own)| *all += own);
         let [fragments, deepest, filled_tiles] = [1, 2, 3].map(|i| classes[CLASS_COUNT + i]);
         self.fragments += u64::from(fragments);

@@ -1,7 +1,7 @@
 //! What opaque surfaces leave: of each sample the nearest one's key, and its colour.
 
 use super::Context;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::buffers::{bind, storage};
 use crate::gpu::device::Gpu;
 use crate::gpu::variant::Variant;
@@ -26,6 +26,15 @@ impl Opaque {
     pub fn new(gpu: &Gpu, key: &OpaqueKey) -> Result<Self> {
         let OpaqueKey((width, height), samples) = *key;
         let all = u64::from(width) * u64::from(height) * u64::from(samples);
+        let limit = gpu.adapter.max_binding;
+        if 16 * all > limit {
+            return Err(Error::Unsupported(format!(
+                "{} binds {limit} bytes at once, and opaque surfaces of {width}×{height} pixels take {}; \
+                 pipeline=\"linked_list\" and device=\"cpu\" take more",
+                gpu.adapter.name,
+                16 * all
+            )));
+        }
         gpu.checked("opaque surfaces", || {
             Ok(Self {
                 keys: storage(gpu, "opaque keys", 4 * all),

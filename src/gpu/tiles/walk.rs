@@ -5,9 +5,8 @@ use std::sync::Arc;
 use wgpu::BufferUsages;
 
 use super::Context;
-use super::bins::{Bins, BinsKey, Counted, counted};
+use super::bins::{Bins, BinsKey, Counted, MOST_TRIES, Room, counted};
 use super::opaque::{Opaque, OpaqueKey};
-use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
@@ -26,17 +25,19 @@ pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
     if gpu.adapter.is_software() { 60_000 / (9 * samples + 21) } else { 1 << 14 }
 }
 
-/// A scene as one camera sees it, in tiles.
+/// A scene as one camera sees it, in tiles; in bands of their rows, where not all have room at once.
 pub struct Walker {
     scene: Arc<Uploaded>,
+    eye: Eye,
     bins: Bins,
     bins_key: BinsKey,
+    /// Of all bands.
     pub counted: Counted,
     pub opaque: Opaque,
 }
 
 impl Walker {
-    /// Sets up and bins until everything has room. `memory`: bytes that lists of triangles may take.
+    /// Sets up and bins until every band has room. `memory`: bytes that lists of triangles may take.
     pub fn new(
         of: Context,
         (kept, scene): (&mut Kept, Arc<Uploaded>),
@@ -45,45 +46,87 @@ impl Walker {
         memory: u64,
         mut add_time: impl FnMut(String, f64),
     ) -> Result<Self> {
-        let Context { gpu, .. } = of;
+        let gpu = of.gpu;
         let bins_key = BinsKey { triangles: scene.triangles, size, colors: of.variant().colors, memory };
-        let mut bins = kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?;
-        if !bins.turn_to_whole() {
-            return Err(Error::Unsupported(format!(
-                "tiles on a GPU keep lists of up to {MAX_BINS} bins of 256×256 pixels, got {}×{}; \
-                 device=\"cpu\" and pipeline=\"linked_list\" keep more",
-                size.0, size.1
-            )));
-        }
+        let bins = kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?;
         let opaque_key = OpaqueKey::of(of.variant(), size);
         let opaque = kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?;
-        // Pieces, then bins, then tiles: each may show the next demand.
-        for _ in 0..4 {
-            let timing = Timing::new(gpu);
-            let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            gpu.checked("binning", || {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    label: Some("bin"),
-                    timestamp_writes: timing.compute("bin"),
-                });
-                bins.encode(of, &scene, eye, &mut pass)
-            })?;
-            let counters = bins.read(gpu, &mut encoder);
-            let times = timing.finish(&mut encoder);
-            let buffers: Vec<&wgpu::Buffer> = [&counters].into_iter().chain(times).collect();
-            let words = gpu.submit_and_read(encoder, &buffers)?;
-            if let Some(times) = words.get(1) {
-                timing.read(times).into_iter().for_each(|(stage, ms)| add_time(stage.into_owned(), ms));
+        let mut walker = Self { scene, eye, bins, bins_key, counted: Counted::default(), opaque };
+        let mut first_row = 0;
+        let mut tries = 0;
+        while walker.bins.turn_to(first_row) {
+            tries += 1;
+            if tries > MOST_TRIES {
+                return Err(Error::Device(format!(
+                    "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
+                    gpu.adapter.name
+                )));
             }
-            match counted(gpu, &words[0], bins.room())? {
-                Ok(counted) => return Ok(Self { scene, bins, bins_key, counted, opaque }),
-                Err(needed) => bins.grow(gpu, needed, memory, false)?,
+            match walker.bin(of, &mut add_time)? {
+                Ok(counted) => {
+                    walker.counted = walker.counted.with(counted);
+                    first_row = walker.bins.end_row();
+                    tries = 0;
+                }
+                Err(needed) => {
+                    let rows = walker.bins.rows();
+                    walker.bins.grow(gpu, needed, memory)?;
+                    if walker.bins.rows() != rows {
+                        // Bands begin at other rows now.
+                        (first_row, walker.counted) = (0, Counted::default());
+                    }
+                }
             }
         }
-        Err(Error::Device(format!(
-            "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
-            gpu.adapter.name
-        )))
+        Ok(walker)
+    }
+
+    /// Bins the band that bins are turned to, and counts.
+    fn bin(
+        &self,
+        of: Context,
+        add_time: &mut impl FnMut(String, f64),
+    ) -> Result<std::result::Result<Counted, Room>> {
+        let gpu = of.gpu;
+        let timing = Timing::new(gpu);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        gpu.checked("binning", || self.encode_bins(of, &mut encoder, &timing))?;
+        let counters = self.bins.read(gpu, &mut encoder);
+        let times = timing.finish(&mut encoder);
+        let buffers: Vec<&wgpu::Buffer> = [&counters].into_iter().chain(times).collect();
+        let words = gpu.submit_and_read(encoder, &buffers)?;
+        if let Some(times) = words.get(1) {
+            timing.read(times).into_iter().for_each(|(stage, ms)| add_time(stage.into_owned(), ms));
+        }
+        counted(gpu, &words[0], self.bins.room())
+    }
+
+    fn encode_bins(&self, of: Context, encoder: &mut wgpu::CommandEncoder, timing: &Timing) -> Result<()> {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("bin"),
+            timestamp_writes: timing.compute("bin"),
+        });
+        self.bins.encode(of, &self.scene, self.eye, &mut pass)
+    }
+
+    /// First rows of pixels of the bands.
+    pub fn bands(&self) -> Vec<u32> {
+        self.bins.bands().into_iter().map(|row| row * TILE).collect()
+    }
+
+    /// Bins the band of a row of pixels, unless that is what was binned last.
+    pub fn turn_to(&mut self, of: Context, y: u32) -> Result<()> {
+        let first_row = self.bins.band_of(y / TILE);
+        if self.bins.grid.first_row == first_row {
+            return Ok(());
+        }
+        self.bins.turn_to(first_row);
+        let mut encoder = of.gpu.device.create_command_encoder(&Default::default());
+        of.gpu.checked("binning", || {
+            self.encode_bins(of, &mut encoder, &Timing::new(of.gpu))?;
+            of.gpu.queue.submit([encoder.finish()]);
+            Ok(())
+        })
     }
 
     /// Leaves what the next render can use.
