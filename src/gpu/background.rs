@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::buffers::{bind, storage};
 use super::passes::Frame;
-use super::pool::{Budget, Pool, Rect};
+use super::pool::{Budget, Pool};
 use super::readback::copied;
+use super::rect::Rect;
 use super::resolve::TILE;
 use super::targets::place;
 use super::timing::Timing;

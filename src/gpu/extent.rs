@@ -6,7 +6,7 @@ use crate::clip::{ClipVolume, Vertex};
 
 use glam::DVec3;
 
-use super::pool::Rect;
+use super::rect::Rect;
 
 /// Of triangles as seen: pixels, and the values that keys are made from. Grows from nothing.
 #[derive(Debug, Clone, Copy)]

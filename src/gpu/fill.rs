@@ -3,8 +3,9 @@
 use super::buffers::{bind, storage};
 use super::long;
 use super::passes::Frame;
-use super::pool::{Budget, Pool, Rect, image_samples};
+use super::pool::{Budget, Pool, image_samples};
 use super::readback::copied;
+use super::rect::Rect;
 use super::resolve::{Found, Outcome, encode_classes, encode_classify};
 use super::scan;
 use super::targets::place;

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::device::Gpu;
-use super::pool::{Pool, Rect};
+use super::pool::Pool;
 use super::readback::copied;
+use super::rect::Rect;
 use crate::error::{Error, Result};
 use crate::fragments::{Extras, Fragments};
 use crate::frame::Storage;

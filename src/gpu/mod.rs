@@ -15,6 +15,7 @@ mod pipelines;
 mod plan;
 mod pool;
 mod readback;
+mod rect;
 mod resolve;
 mod scan;
 mod targets;

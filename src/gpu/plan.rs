@@ -2,7 +2,7 @@
 //! passes for it.
 
 use super::device::Gpu;
-use super::pool::Rect;
+use super::rect::Rect;
 use super::resolve::{Outcome, TILE, class_name};
 use super::variant::{ColorsOf, Variant};
 use crate::error::{Error, Result};

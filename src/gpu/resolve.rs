@@ -3,7 +3,8 @@
 
 use super::buffers::bind;
 use super::passes::Frame;
-use super::pool::{Pool, Rect};
+use super::pool::Pool;
+use super::rect::Rect;
 use super::timing::Timing;
 use super::variant::Variant;
 use crate::error::{Error, Result};

@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use super::pipelines::{COLOR_FORMAT, COVERAGE_FORMAT};
-use super::pool::Rect;
+use super::rect::Rect;
 use super::variant::Variant;
 use crate::error::Result;
 use crate::fragments::Background;

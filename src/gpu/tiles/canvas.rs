@@ -4,8 +4,9 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::bins::{Bins, BinsKey, MOST_TRIES, Room};
+use super::bins::{Bins, BinsKey, MOST_TRIES};
 use super::classes::{CLASS_COUNT, CLASS_WORDS};
+use super::counted::Room;
 use super::image::{Band, Ended, Found, Image, ImageKey, values};
 use super::opaque::{Opaque, OpaqueKey};
 use super::ready::Ready;

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use bytemuck::allocation::try_cast_vec;
 
-use super::bins::{Counted, Room, counted};
 use super::classes::{CLASS_COUNT, CLASS_WORDS};
+use super::counted::{Counted, Room, counted};
 use super::listed::{Listed, ListedBand};
 use super::stages::Leaves;
 use super::walk::window_length;

@@ -4,6 +4,7 @@
 mod bins;
 mod canvas;
 mod classes;
+mod counted;
 mod image;
 mod listed;
 mod opaque;

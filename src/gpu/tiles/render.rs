@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::bins::Counted;
 use super::canvas::Canvas;
 use super::classes::{CLASS_COUNT, CLASS_NAMES};
+use super::counted::Counted;
 use super::image::{Band, Ended, Found};
 use super::is_enough;
 use super::listed::assemble;

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use wgpu::BufferUsages;
 
 use super::Context;
-use super::bins::{Bins, BinsKey, Counted, MOST_TRIES, Room, counted};
+use super::bins::{Bins, BinsKey, MOST_TRIES};
+use super::counted::{Counted, Room, counted};
 use super::opaque::{Opaque, OpaqueKey};
 use crate::error::{Error, Result};
 use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
 use crate::gpu::kept::Kept;
-use crate::gpu::pool::Rect;
+use crate::gpu::rect::Rect;
 use crate::gpu::resolve::TILE;
 use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::Eye;
