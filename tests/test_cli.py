@@ -324,4 +324,4 @@ def test_a_case_that_fails_is_a_line_and_leaves_the_choice_as_it_was(monkeypatch
 
 def test_bench_needs_a_gpu_and_a_repeat(capsys):
     assert "--repeats" in failed(capsys, 2, "bench", "--repeats", "0")
-    assert "needs a GPU" in failed(capsys, 2, "bench", "--device", "cpu")
+    assert "pipelines of a GPU" in failed(capsys, 2, "bench", "--device", "cpu")

@@ -102,6 +102,19 @@ def test_a_scene_too_deep_for_registers_goes_by_lists_and_back(needs_gpu):
     assert frame.stats.max_depth_complexity < 8
 
 
+def test_bands_of_one_frame_are_not_those_of_the_next(needs_gpu):
+    """Near by its triangles are in more tiles than this memory has room for at once."""
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 40)))
+    at = np.stack([x, y, 0 * x], axis=-1)[:, None]
+    mesh = ab.Mesh(at + np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]]), colors=(1, 0, 0, 0.5))
+    far, near = (ab.Camera.look_at((0, 0, z), (0, 0, 0), fov_y=60) for z in (60, 2))
+    asked = {"pipeline": "tiles", "width": 300, "height": 300, "memory": 12_000}
+    renderer = ab.Renderer("gpu")
+    uploaded = renderer.upload(mesh)
+    bands = [renderer.render(uploaded, camera, **asked).stats.bands for camera in (far, near, far)]
+    assert bands[0] == bands[2] == 1 < bands[1]
+
+
 @pytest.mark.parametrize("fragments", [False, True])
 def test_geometry_goes_to_the_device_once(needs_gpu, fragments):
     renderer = ab.Renderer("gpu")
@@ -126,6 +139,44 @@ def test_frames_before_an_error_come_first():
     assert next(frames).image.shape == (40, 48, 4)
     with pytest.raises(ab.ParameterError, match="camera must be"):
         next(frames)
+
+
+def test_frames_before_an_error_of_the_cameras_come_first():
+    def cameras():
+        yield turntable(1)[0]
+        raise RuntimeError("no more film")
+
+    frames = ab.Renderer("cpu").render_many(soup(3), cameras(), **SIZE)
+    assert next(frames).image.shape == (40, 48, 4)
+    with pytest.raises(RuntimeError, match="film"):
+        next(frames)
+
+
+@pytest.mark.parametrize(
+    ("cameras", "arguments", "words"),
+    [
+        (turntable(1)[0], {}, "got one Camera"),
+        (None, {}, "iterable of Camera, got NoneType"),
+        ([], {"widht": 3}, "did you mean 'width'"),
+        ([], {"device": "gpu"}, "device is the renderer's"),
+    ],
+)
+def test_what_is_wrong_with_many_frames_is_said_at_once(cameras, arguments, words):
+    with pytest.raises(ab.ParameterError, match=words):
+        ab.Renderer("cpu").render_many(soup(3), cameras, **arguments)
+
+
+def test_many_frames_are_of_the_scene_as_it_was():
+    scene = ab.Scene([soup(3)])
+    frames = ab.Renderer("cpu").render_many(scene, turntable(1), **SIZE)
+    scene.add(soup(9, seed=5))
+    assert_same(next(frames), ab.render(soup(3), turntable(1)[0], device="cpu", **SIZE))
+
+
+def test_an_uploaded_scene_is_for_its_renderer():
+    uploaded = ab.Renderer("cpu").upload(soup(1))
+    with pytest.raises(ab.SceneError, match="give its `scene`"):
+        ab.render(uploaded)
 
 
 def test_frames_that_nobody_takes_are_let_go(needs_gpu):

@@ -263,6 +263,7 @@ def test_sorted_lists_come_in_as_many_bands_as_they_take(memory):
     cpu, gpu = both(mesh, PERSPECTIVE, width=320, height=320, memory=memory)
     assert gpu.plan["lists"] == "sorted"
     assert (gpu.stats.bands > 1) == (memory is not None)
+    assert memory is None or gpu.stats.bytes["nodes"] < memory
     assert_same_lists(cpu, gpu)
 
 

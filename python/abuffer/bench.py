@@ -7,7 +7,7 @@ import numpy as np
 
 from . import tables
 from .camera import Camera
-from .errors import AbufferError
+from .errors import AbufferError, ParameterError
 from .measured import CASES
 from .mesh import Mesh
 from .renderer import Renderer
@@ -39,7 +39,8 @@ def compare(device="gpu", repeats=9):
     Raises:
         DeviceError, ParameterError: no such device, or the CPU, which has no `linked_list`.
     """
-    tables.choose("linked_list", device, "float32", None, [])  # a device that has none is the caller's mistake
+    if tables.choose("auto", device, "float32", None, [])[0] is None:
+        raise ParameterError(f"bench compares pipelines of a GPU, and device {device!r} is the CPU here")
     renderer = Renderer(device)
     camera = Camera.orthographic((0, 0, 0), (0, 0, -1), height=HEIGHT)
     for case in CASES:

@@ -75,7 +75,7 @@ class Job:
             ("bands", str(stats["bands"]), "all fits in memory" if stats["bands"] == 1 else "to stay within memory")
         )
         if request["cutoff"] > 0:
-            why = f"a list is left where at most {request['least_transmittance']:.3g} is let through"
+            why = f"a list may be left where at most {request['least_transmittance']:.3g} is let through"
             plan.append(("cutoff", f"{request['cutoff']:g}", why))
         if request["lists"] != "none" and stats["fragments"] == 0 and scene.triangle_count:
             opaque = [mesh.opaque for mesh in scene.meshes if mesh.face_count]

@@ -2,11 +2,15 @@
 
 from collections import deque
 
-from . import _core, tables
+from . import _check, _core, tables
+from .camera import Camera
 from .errors import ParameterError
 from .frame import Frame
-from .job import prepared
+from .job import ARGUMENTS, prepared
+from .options import OPTIONS
 from .scene import Scene, as_scene
+
+END = object()  # of cameras
 
 
 class Renderer:
@@ -55,19 +59,41 @@ class Renderer:
         return job.frame(job.output(scene._upload(job.adapter)))
 
     def render_many(self, scene, cameras, **arguments):
-        """Yields a frame for each camera, in their order. While one is read back a GPU renders the next.
+        """An iterator of a frame for each camera, in their order. While one is read back a GPU renders the next.
 
-        Only what is being rendered and read is held: any number of cameras will do.
+        Only what is being rendered and read is held: any number of cameras will do. A camera is asked for one frame
+        before its own comes out.
 
         Args:
-            scene: what `upload` returned, or a scene, which is then uploaded.
+            scene: what `upload` returned, or a scene, which is uploaded as it is now.
             cameras: an iterable of Camera.
             arguments: those of `render`, but for `device`; the same for all.
+
+        Raises:
+            ParameterError: cameras is no iterable, or an argument is none of those. What is wrong with a camera is raised
+                in its turn, after the frames before it.
         """
         scene = self._own(scene)
+        if isinstance(cameras, Camera):
+            raise ParameterError("cameras must be an iterable of Camera, got one Camera: give [camera], or call render")
+        try:
+            cameras = iter(cameras)
+        except TypeError:
+            raise ParameterError(f"cameras must be an iterable of Camera, got {type(cameras).__name__}") from None
+        self._check(arguments)
+        return self._frames(scene, cameras, arguments)
+
+    def _frames(self, scene, cameras, arguments):
         waiting = deque()  # at most one frame, beside the one that begins
-        for camera in cameras:
+        while True:
             try:
+                camera = next(cameras, END)
+                if camera is END:
+                    break
+                if camera is None:
+                    raise ParameterError(
+                        "cameras must be Cameras, got None: Camera.fit(scene) is what None means to render"
+                    )
                 waiting.append(self._begun(scene, camera, arguments))
             except Exception:
                 for finish in waiting:  # frames before this one have no part in its error
@@ -88,9 +114,14 @@ class Renderer:
             return lambda: frame
         return lambda: job.frame(upload.finish(begun) or job.output(upload))
 
-    def _job(self, scene, camera, arguments):
+    def _check(self, arguments):
         if "device" in arguments:
             raise ParameterError(f"device is the renderer's, {self.device!r}: make another Renderer for another device")
+        names = [name for name in arguments if name not in ARGUMENTS]
+        _check.arguments("render", names, OPTIONS, "method 'exact'", ARGUMENTS)
+
+    def _job(self, scene, camera, arguments):
+        self._check(arguments)
         return prepared(scene.scene, camera, device=self.device, **arguments)
 
     def _own(self, scene):

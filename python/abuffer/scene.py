@@ -166,6 +166,8 @@ def _meshes(item, look, space):
     if load.is_loadable(item):
         return load.meshes(item, space=space, **look)
     hint = "; wrap it: ab.Mesh(positions, faces)" if isinstance(item, (np.ndarray, numbers.Real)) else ""
+    if hasattr(item, "renderer"):
+        hint = "; this one is on a Renderer's device: call its `renderer.render`, or give its `scene`"
     raise SceneError(
         f"cannot add this {type(item).__name__}: give a Mesh, a Scene, a trimesh.Trimesh, a trimesh.Scene, "
         f"a path, or a list of these{hint}"

@@ -133,7 +133,9 @@ fn cs_bin_tiles(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
 }
 
 fn plan_tile(tile: u32, span: Span, area: u32, sixteenths: u32) {
-    tiles[tile] = span;
+    // What did not fit is not there: the host makes room, and starts again.
+    let end = min(span.first + span.count, grid.tile_capacity);
+    tiles[tile] = Span(span.first, select(0u, end - span.first, end > span.first));
     atomicMax(&counters.longest, span.count);
     if span.count > 0u {
         atomicAdd(&classes.filled_tiles, 1u);

@@ -33,3 +33,15 @@ fn covered_block(item: Item, corner: vec2i, first: vec2i, last: vec2i) -> vec2u 
     }
     return rows;
 }
+
+// Takes a pixel out of a block whose first is `first`: its number in rows of 16.
+fn next_pixel(rest: ptr<function, vec2u>, first: vec2i) -> u32 {
+    var bit = firstTrailingBit((*rest).x);
+    if (*rest).x != 0u {
+        (*rest).x &= (*rest).x - 1u;
+    } else {
+        bit = firstTrailingBit((*rest).y) + 32u;
+        (*rest).y &= (*rest).y - 1u;
+    }
+    return (u32(first.y) + bit / 8u) * 16u + u32(first.x) + bit % 8u;
+}

@@ -50,14 +50,7 @@ fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) 
 fn leave(t: u32, block: vec2u, first: vec2i) {
     var rest = block;
     while (rest.x | rest.y) != 0u {
-        var bit = firstTrailingBit(rest.x);
-        if rest.x != 0u {
-            rest.x &= rest.x - 1u;
-        } else {
-            bit = firstTrailingBit(rest.y) + 32u;
-            rest.y &= rest.y - 1u;
-        }
-        let pixel = (u32(first.y) + bit / 8u) * 16u + u32(first.x) + bit % 8u;
+        let pixel = next_pixel(&rest, first);
         let i = atomicAdd(&filled[pixel], 1u);
         if i < DEPTH {
             atomicAdd(&places[(i / 2u) * THREADS + pixel], t << (16u * (i % 2u)));

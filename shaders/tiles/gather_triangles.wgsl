@@ -69,14 +69,7 @@ fn cover(t: u32, block: vec2u, first: vec2i) {
     }
     var rest = block;
     while (rest.x | rest.y) != 0u && i < ENTRIES {
-        var bit = firstTrailingBit(rest.x);
-        if rest.x != 0u {
-            rest.x &= rest.x - 1u;
-        } else {
-            bit = firstTrailingBit(rest.y) + 32u;
-            rest.y &= rest.y - 1u;
-        }
-        let pixel = (u32(first.y) + bit / 8u) * 16u + u32(first.x) + bit % 8u;
+        let pixel = next_pixel(&rest, first);
         queue[i] = t | (pixel << 24u);
         atomicAdd(&filled[pixel], 1u);
         i++;

@@ -1,8 +1,8 @@
 // A part of a tile: an invocation owns a pixel, whose fragments are gathered, sorted in registers, and composited front to
 // back with method exact. A part that holds more than its class has room for goes to the next class.
 //
-// Classes gather in three ways (gather_masks.wgsl, gather_triangles.wgsl, gather_staged.wgsl), each with a `gather` that
-// returns how many fragments a pixel has, and a `composite`. Workgroup memory is what bounds how many parts are
+// Classes gather in four ways (gather_masks.wgsl, gather_triangles.wgsl, gather_deep.wgsl, gather_staged.wgsl), each with a
+// `gather` that returns how many fragments a pixel has, and a `composite`. Workgroup memory is what bounds how many parts are
 // in flight: none holds more of it than it must.
 
 @group(1) @binding(0) var<storage, read_write> image: array<vec4f>;

@@ -352,8 +352,8 @@ pub fn compile(gpu: &Gpu, name: &str, composed: &Composed) -> Result<wgpu::Shade
     let module = if composed.is_trusted() {
         let unchecked = wgpu::ShaderRuntimeChecks::unchecked();
         // SAFETY: these are this crate's own shaders, and nothing of a user's. Their indices are in bounds: nodes
-        // are below the pool's capacity, pixels below the band's, array entries below TEMP; lists end, since a
-        // link leads to an older node; no divisor is zero. Without the checks a resolve takes two thirds of the
+        // are below the pool's capacity, pixels below the band's, array entries below TEMP; spans of tiles end where
+        // their buffers do; lists end, since a link leads to an older node; no divisor is zero. Without the checks a resolve takes two thirds of the
         // time (benchmarks/NOTES.md).
         unsafe { gpu.device.create_shader_module_trusted(descriptor, unchecked) }
     } else {

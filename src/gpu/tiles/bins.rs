@@ -47,6 +47,7 @@ pub struct Bins {
     pub grid: Grid,
     /// Rows of tiles of the image, and of a band: those that there are bins and memory for at once.
     all_rows: u32,
+    most_rows: u32,
     rows: u32,
     pub rasters: wgpu::Buffer,
     pub boxes: wgpu::Buffer,
@@ -96,8 +97,9 @@ impl Bins {
             triangles,
             chunks,
             blocks,
-            bin_capacity: (2 * triangles + 256).min(most / 3),
-            tile_capacity: (4 * triangles + 256).min(most / 3 * 2),
+            // Of little memory half is left to lists of fragments.
+            bin_capacity: (2 * triangles + 256).min(most / 6),
+            tile_capacity: (4 * triangles + 256).min(most / 3),
             trips: if gpu.adapter.is_software() { 60_000 } else { u32::MAX },
             parts: most_parts(tiles_x * rows),
             block,
@@ -127,10 +129,17 @@ impl Bins {
                 tile_entries: storage(gpu, "tile entries", 4 * u64::from(grid.tile_capacity)),
                 piece_capacity,
                 all_rows: tiles_y,
+                most_rows: rows,
                 rows,
                 grid,
             })
         })
+    }
+
+    /// Forgets the bands that an earlier frame was cut into.
+    pub fn restart(&mut self) {
+        self.rows = self.most_rows;
+        self.turn_to(0);
     }
 
     /// Turns to the band that begins at a row of tiles; `false` past the last.
@@ -313,21 +322,40 @@ impl Bins {
         self.bin_entries.size() + self.tile_entries.size()
     }
 
-    /// Makes the band smaller, if it can be.
-    pub fn halve(&mut self) -> bool {
-        let Grid { tiles_y, first_row, .. } = self.grid;
-        self.rows = (tiles_y / 2).max(1);
-        tiles_y > 1 && self.turn_to(first_row)
+    /// Makes the band smaller, if it can be, and takes less for it.
+    pub fn halve(&mut self, gpu: &Gpu) -> Result<bool> {
+        let Grid { tiles_y, first_row, bin_capacity, tile_capacity, .. } = self.grid;
+        if tiles_y == 1 {
+            return Ok(false);
+        }
+        self.rows = tiles_y / 2;
+        self.turn_to(first_row);
+        gpu.checked("the bins", || {
+            self.hold(gpu, (bin_capacity / 2).max(1), (tile_capacity / 2).max(1));
+            Ok(true)
+        })
+    }
+
+    /// Has room for so many entries.
+    fn hold(&mut self, gpu: &Gpu, bin_entries: u32, tile_entries: u32) {
+        let entries = |label: &str, capacity: u32| storage(gpu, label, 4 * u64::from(capacity));
+        if bin_entries != self.grid.bin_capacity {
+            self.grid.bin_capacity = bin_entries;
+            self.bin_entries = entries("bin entries", bin_entries);
+        }
+        if tile_entries != self.grid.tile_capacity {
+            self.grid.tile_capacity = tile_entries;
+            self.tile_entries = entries("tile entries", tile_entries);
+        }
     }
 
     /// Makes room, or the band smaller. `memory`: bytes that lists may take.
     pub fn grow(&mut self, gpu: &Gpu, to: Room, memory: u64) -> Result<()> {
         let needed = 4 * (u64::from(to.bin_entries) + u64::from(to.tile_entries));
         let limit = memory.min(gpu.adapter.max_binding);
-        if needed > limit && self.halve() {
+        if needed > limit && self.halve(gpu)? {
             return Ok(());
         }
-        let grid = &mut self.grid;
         if needed > limit {
             return Err(Error::Capacity {
                 what: "the triangle lists of one row of tiles".into(),
@@ -337,20 +365,12 @@ impl Bins {
             });
         }
         gpu.checked("the bins", || {
-            let entries = |label: &str, capacity: u32| storage(gpu, label, 4 * u64::from(capacity));
             if to.pieces > self.piece_capacity {
                 self.piece_capacity = to.pieces;
                 self.pieces = storage(gpu, "pieces", PIECE_BYTES * u64::from(to.pieces));
             }
-            if to.bin_entries > grid.bin_capacity {
-                grid.bin_capacity = to.bin_entries;
-                self.bin_entries = entries("bin entries", to.bin_entries);
-            }
-            // Of bins that were not whole nothing is known.
-            if to.tile_entries > grid.tile_capacity {
-                grid.tile_capacity = to.tile_entries;
-                self.tile_entries = entries("tile entries", to.tile_entries);
-            }
+            let Grid { bin_capacity, tile_capacity, .. } = self.grid;
+            self.hold(gpu, to.bin_entries.max(bin_capacity), to.tile_entries.max(tile_capacity));
             Ok(())
         })
     }

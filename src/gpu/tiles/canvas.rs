@@ -35,14 +35,27 @@ impl Canvas {
         let bins_key = BinsKey { triangles: of.scene.triangles, size, colors: variant.colors, memory };
         let image_key = ImageKey { size, leaves, memory };
         let opaque_key = OpaqueKey::of(variant, size);
-        Ok(Self {
+        let mut canvas = Self {
             bins: kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?,
             image: kept.image.take(&image_key, || Image::new(gpu, &image_key))?,
             opaque: kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?,
             bins_key,
             image_key,
             opaque_key,
-        })
+        };
+        canvas.bins.restart();
+        canvas.leave_room_for_bins(gpu)?;
+        Ok(canvas)
+    }
+
+    /// Bytes that lists may take: they share `memory` with bins.
+    fn left_for_lists(&self) -> u64 {
+        self.image_key.memory.saturating_sub(self.bins.entry_bytes())
+    }
+
+    fn leave_room_for_bins(&mut self, gpu: &Gpu) -> Result<()> {
+        let left = self.left_for_lists();
+        self.image.listed.as_mut().map_or(Ok(()), |listed| listed.shrink(gpu, left))
     }
 
     /// Leaves what the next frame can use. A frame that is on its way has its commands already.
@@ -84,16 +97,18 @@ impl Canvas {
                         found.listed.push(listed.read(gpu, fragments, first_row)?);
                     }
                 }
-                Ended::Needs(room) => match self.bins.grow(gpu, room, memory) {
-                    Err(Error::Capacity { .. }) if self.image.listed.is_some() => return Ok(None),
-                    grown => grown?,
-                },
+                Ended::Needs(room) => {
+                    match self.bins.grow(gpu, room, memory) {
+                        Err(Error::Capacity { .. }) if self.image.listed.is_some() => return Ok(None),
+                        grown => grown?,
+                    }
+                    self.leave_room_for_bins(gpu)?;
+                }
                 Ended::NeedsFragments(fragments) => {
-                    // Bins and lists share what there is.
-                    let left = memory.saturating_sub(self.bins.entry_bytes());
+                    let left = self.left_for_lists();
                     let listed = self.image.listed.as_mut();
                     let fits = listed.map_or(Ok(false), |listed| listed.grow(gpu, fragments, left))?;
-                    if !fits && !self.bins.halve() {
+                    if !fits && !self.bins.halve(gpu)? {
                         return Ok(None);
                     }
                 }

@@ -79,8 +79,7 @@ impl Class {
         match self.gather {
             Gather::Triangles(entries) => entries,
             Gather::Masks => 0,
-            Gather::Deep => self.depth * self.threads, // two to a word
-            Gather::Staged => self.depth * self.threads,
+            Gather::Deep | Gather::Staged => self.depth * self.threads,
         }
     }
 }
@@ -251,6 +250,11 @@ mod tests {
             for (i, c) in classes.iter().enumerate() {
                 assert_eq!((c.threads % UNIT, TILE_PIXELS % c.threads), (0, 0));
                 assert!(SIZES.contains(&c.depth), "the last network is as deep as the class");
+                let deep = c.gather == Gather::Deep;
+                assert!(
+                    !deep || (c.threads <= 128 && c.depth % 2 == 0),
+                    "a block is 8 rows, a word two places"
+                );
                 if let Some(next) = classes.get(c.next) {
                     assert!(c.next > i && next.depth >= c.depth && next.threads <= c.threads);
                 }

@@ -1,4 +1,5 @@
-//! The image alone, with no list stored: fragments live in workgroup memory and registers, a tile at a time.
+//! What a frame leaves whose fragments are sorted in workgroup memory and registers, a tile at a time: the image, counts,
+//! and lists where they are asked for.
 
 use std::time::Instant;
 

@@ -40,7 +40,7 @@ impl Listed {
         [("nodes", self.fragments.size() + self.colors.size()), ("heads", self.starts.size())]
     }
 
-    /// Makes room for so many fragments; `false` if `memory` does not allow it.
+    /// Makes room for so many fragments, no more; `false` if `memory` does not allow it.
     pub fn grow(&mut self, gpu: &Gpu, fragments: u32, memory: u64) -> Result<bool> {
         if u64::from(fragments) > most(gpu, memory) {
             return Ok(false);
@@ -50,6 +50,15 @@ impl Listed {
         (self.fragments, self.colors) = room(gpu, fragments)?;
         self.capacity = fragments;
         Ok(true)
+    }
+
+    /// Takes no more than `memory`.
+    pub fn shrink(&mut self, gpu: &Gpu, memory: u64) -> Result<()> {
+        let most = most(gpu, memory).max(1);
+        if u64::from(self.capacity) <= most {
+            return Ok(());
+        }
+        self.grow(gpu, most as u32, memory.max(FRAGMENT_BYTES)).map(drop)
     }
 
     /// What a band left, of so many fragments with the empty places among them.

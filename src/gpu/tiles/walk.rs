@@ -49,7 +49,8 @@ impl Walker {
     ) -> Result<Self> {
         let gpu = of.gpu;
         let bins_key = BinsKey { triangles: scene.triangles, size, colors: of.variant().colors, memory };
-        let bins = kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?;
+        let mut bins = kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?;
+        bins.restart();
         let opaque_key = OpaqueKey::of(of.variant(), size);
         let opaque = kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?;
         let mut walker = Self { scene, eye, bins, bins_key, counted: Counted::default(), opaque };
