@@ -239,9 +239,11 @@ print(frame.plan["device"], frame.stats.fragments > 0)
 # ---- UnsupportedError: names the feature ----
 
 
-def test_tiles_on_a_gpu_say_how_large_an_image_they_render(needs_gpu):
-    text = message(ab.UnsupportedError, render, pipeline="tiles", device="gpu", width=16384, height=16384)
-    assert "16384×16384" in text
+def test_tiles_on_a_gpu_say_how_large_an_image_has_opaque_surfaces(needs_gpu):
+    scene = ab.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], opaque=True)
+    size = {"width": 16384, "height": 16384}
+    text = message(ab.UnsupportedError, ab.render, scene, pipeline="tiles", device="gpu", **size)
+    assert "opaque surfaces of 16384×16384 pixels" in text
     assert 'device="cpu"' in text
     assert 'pipeline="linked_list"' in text
 
