@@ -434,6 +434,8 @@ def test_a_chosen_pipeline_that_cannot_gives_way_to_one_that_can(needs_gpu, monk
     (why,) = [why for what, _, why in frame.plan if what == "pipeline"]
     assert why.startswith("tiles cannot: ")
     assert frame.stats.dropped_fragments == 0
+    of_many = ab.Renderer("gpu").render_many(cloud, [camera] * 2, width=32, height=16, memory=40_000)
+    assert [one.plan["pipeline"] for one in of_many] == ["linked_list"] * 2
     with pytest.raises(ab.CapacityError):
         ab.render(cloud, camera, pipeline="tiles", **arguments)
 

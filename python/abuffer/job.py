@@ -66,6 +66,21 @@ class Job:
         self.plan[place] = ("pipeline", "linked_list", why)
         return upload.render(self.parts, self.view, self.request | {"pipeline": "linked_list"}, self.behind)
 
+    def begin(self, upload):
+        """Gives a GPU the frame without waiting; None where `output` has to make it, or to say why nobody can."""
+        try:
+            return upload.begin(self.parts, self.view, self.request, self.behind)
+        except (CapacityError, UnsupportedError):
+            return None
+
+    def finish(self, upload, begun):
+        """What the core gives of a frame that `begin` gave it."""
+        try:
+            output = upload.finish(begun)
+        except (CapacityError, UnsupportedError):
+            output = None
+        return output or self.output(upload)
+
     def frame(self, output) -> Frame:
         """The frame that `output` holds."""
         request, scene, plan = self.request, self.scene, list(self.plan)

@@ -55,6 +55,7 @@ class Renderer:
             arguments: those of `render`, but for `device`.
         """
         scene = self._own(scene)
+        self._check_names(arguments)
         job = self._job(scene, camera, arguments)
         return job.frame(job.output(scene._upload(job.adapter)))
 
@@ -80,7 +81,7 @@ class Renderer:
             cameras = iter(cameras)
         except TypeError:
             raise ParameterError(f"cameras must be an iterable of Camera, got {type(cameras).__name__}") from None
-        self._check(arguments)
+        self._check_names(arguments)
         return self._frames(scene, cameras, arguments)
 
     def _frames(self, scene, cameras, arguments):
@@ -108,20 +109,19 @@ class Renderer:
         """A function that returns the frame of a camera, which a GPU has begun if one submission does."""
         job = self._job(scene, camera, arguments)
         upload = scene._upload(job.adapter)
-        begun = upload and upload.begin(job.parts, job.view, job.request, job.behind)
+        begun = upload and job.begin(upload)
         if begun is None:
             frame = job.frame(job.output(upload))
             return lambda: frame
-        return lambda: job.frame(upload.finish(begun) or job.output(upload))
+        return lambda: job.frame(job.finish(upload, begun))
 
-    def _check(self, arguments):
+    def _check_names(self, arguments):
         if "device" in arguments:
             raise ParameterError(f"device is the renderer's, {self.device!r}: make another Renderer for another device")
         names = [name for name in arguments if name not in ARGUMENTS]
         _check.arguments("render", names, OPTIONS, "method 'exact'", ARGUMENTS)
 
     def _job(self, scene, camera, arguments):
-        self._check(arguments)
         return prepared(scene.scene, camera, device=self.device, **arguments)
 
     def _own(self, scene):
