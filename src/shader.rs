@@ -97,6 +97,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "tiles/gather_masks",
     "tiles/gather_staged",
     "tiles/composite_staged",
+    "tiles/composite_taken",
     "tiles/sort_staged",
     "tiles/gather_triangles",
     "tiles/gather_deep",

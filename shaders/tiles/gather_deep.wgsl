@@ -8,8 +8,6 @@ var<workgroup> places: array<atomic<u32>, ENTRIES / 2u>;
 
 var<private> tile_first: u32;
 var<private> own_pixel: u32;
-// Places front to back.
-var<private> order: array<u32, DEPTH / 2u>;
 
 const ROWS = i32(THREADS) / TILE;
 
@@ -62,21 +60,10 @@ fn take(i: u32) -> u32 {
     return (atomicLoad(&places[(i / 2u) * THREADS + own_pixel]) >> (16u * (i % 2u))) & 0xffffu;
 }
 
-fn taken_key(t: u32, is_taken: bool, pixel: vec2u) -> u32 {
-    let id = tile_entries[tile_first + select(0u, t, is_taken)];
-    let key = visible_key(value_at(key_planes[id], vec2f(pixel) + 0.5), pixel);
-    if HIDES {
-        visible -= u32(is_taken & (key == HIDDEN));
-    }
-    return select(HIDDEN, key, is_taken);
+fn id_of_place(t: u32) -> u32 {
+    return tile_entries[tile_first + t];
 }
 
-fn composite(n: u32, local: u32, pixel: vec2u) -> State {
-    sort(n, pixel);
-    var state = begin();
-    for (var i = 0u; i < visible; i++) {
-        let t = (order[i / 2u] >> (16u * (i % 2u))) & 0xffffu;
-        composite_one(&state, i, tile_entries[tile_first + t], vec2f(pixel) + 0.5);
-    }
-    return state;
+fn value_of_place(t: u32, at: vec2f) -> f32 {
+    return value_at(key_planes[id_of_place(t)], at);
 }

@@ -20,8 +20,6 @@ var<workgroup> plane_y: array<f32, MOST>;
 var<workgroup> plane_id: array<u32, MOST>;
 
 var<private> covering: vec4u;
-// The triangles of the own pixel front to back, a byte each.
-var<private> order: array<u32, (DEPTH + 3u) / 4u>;
 
 fn load(t: u32, id: u32, corner: vec2i) {
     let item = item_of(id, corner.x, corner.y);
@@ -96,22 +94,12 @@ fn take(i: u32) -> u32 {
     return min(word + firstTrailingBit(bits), MOST - 1u);
 }
 
-fn taken_key(t: u32, is_taken: bool, pixel: vec2u) -> u32 {
-    let d = vec2f(pixel) + 0.5 - vec2f(plane_x[t], plane_y[t]);
-    let value = plane_value[t] + product(plane_gx[t], d.x) + product(plane_gy[t], d.y);
-    let key = visible_key(clamped(value, plane_low[t], plane_high[t]), pixel);
-    if HIDES {
-        visible -= u32(is_taken & (key == HIDDEN));
-    }
-    return select(HIDDEN, key, is_taken);
+fn id_of_place(t: u32) -> u32 {
+    return plane_id[t];
 }
 
-fn composite(n: u32, local: u32, pixel: vec2u) -> State {
-    sort(n, pixel);
-    var state = begin();
-    for (var i = 0u; i < visible; i++) {
-        let t = (order[i / 4u] >> (8u * (i % 4u))) & 255u;
-        composite_one(&state, i, plane_id[t], vec2f(pixel) + 0.5);
-    }
-    return state;
+fn value_of_place(t: u32, at: vec2f) -> f32 {
+    let d = at - vec2f(plane_x[t], plane_y[t]);
+    let value = plane_value[t] + product(plane_gx[t], d.x) + product(plane_gy[t], d.y);
+    return clamped(value, plane_low[t], plane_high[t]);
 }

@@ -8,12 +8,9 @@ use pyo3::types::PyDict;
 use super::output::to_dict;
 use super::parts::{CameraParts, MeshParts, RequestParts};
 use super::with_parts;
-use crate::camera::Camera;
-use crate::fragments::Background;
 use crate::frame::Request;
 use crate::gpu;
 use crate::render;
-use crate::scene::Scene;
 
 /// A scene on an adapter, by its place in `adapters()`. The meshes that calls are given are the same each time: they are
 /// uploaded once.
@@ -42,10 +39,8 @@ impl Upload {
         request: RequestParts,
         background: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
-            self.0.render(scene, camera, request, background)
-        };
-        let (output, request) = with_parts(py, &meshes, &camera, &request, background, call)?;
+        let (output, request) =
+            with_parts(py, &meshes, &camera, &request, background, |s, c, r, b| self.0.render(s, c, r, b))?;
         to_dict(py, output, &request)
     }
 
@@ -58,10 +53,8 @@ impl Upload {
         request: RequestParts,
         background: &Bound<'py, PyAny>,
     ) -> PyResult<Option<Begun>> {
-        let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
-            self.0.begin(scene, camera, request, background)
-        };
-        let (begun, request) = with_parts(py, &meshes, &camera, &request, background, call)?;
+        let (begun, request) =
+            with_parts(py, &meshes, &camera, &request, background, |s, c, r, b| self.0.begin(s, c, r, b))?;
         Ok(begun.map(|begun| Begun { begun: Mutex::new(Some(begun)), request }))
     }
 
@@ -83,9 +76,9 @@ impl Upload {
         background: &Bound<'py, PyAny>,
         frames: usize,
     ) -> PyResult<[gpu::Times; 2]> {
-        let call = |scene: &Scene, camera: &Camera, request: &Request, background: Background<f32>| {
-            self.0.measure(scene, camera, request, background, frames)
-        };
-        Ok(with_parts(py, &meshes, &camera, &request, background, call)?.0)
+        let (times, _) = with_parts(py, &meshes, &camera, &request, background, |s, c, r, b| {
+            self.0.measure(s, c, r, b, frames)
+        })?;
+        Ok(times)
     }
 }

@@ -9,6 +9,7 @@ use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{Bound, bind, indirect, storage, with_contents};
 use crate::gpu::device::Gpu;
+use crate::gpu::kept::Kept;
 use crate::gpu::readback::copied;
 use crate::gpu::resolve::TILE;
 use crate::gpu::uniforms::{Eye, Grid, Window};
@@ -73,8 +74,17 @@ pub struct Bins {
 pub const MOST_TRIES: u32 = 20;
 
 impl Bins {
+    /// Those that an earlier frame left, or new ones; without the bands that it was cut into.
+    pub fn taken(kept: &mut Kept, key: &BinsKey) -> Result<Self> {
+        let gpu = kept.gpu.clone();
+        let mut bins = kept.bins.take(key, || Self::new(&gpu, key))?;
+        bins.rows = bins.most_rows;
+        bins.turn_to(0);
+        Ok(bins)
+    }
+
     /// Room for a scene's triangles, and as many entries as one triangle mostly has.
-    pub fn new(gpu: &Gpu, key: &BinsKey) -> Result<Self> {
+    fn new(gpu: &Gpu, key: &BinsKey) -> Result<Self> {
         let BinsKey { triangles, size: (width, height), colors, memory } = *key;
         let (has_gradients, by_triangle) = (colors == ColorsOf::Corners, colors == ColorsOf::Triangle);
         let (tiles_x, tiles_y) = (width.div_ceil(TILE), height.div_ceil(TILE));
@@ -134,12 +144,6 @@ impl Bins {
                 grid,
             })
         })
-    }
-
-    /// Forgets the bands that an earlier frame was cut into.
-    pub fn restart(&mut self) {
-        self.rows = self.most_rows;
-        self.turn_to(0);
     }
 
     /// Turns to the band that begins at a row of tiles; `false` past the last.

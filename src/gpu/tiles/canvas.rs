@@ -6,7 +6,7 @@ use wgpu::BufferUsages;
 
 use super::bins::{Bins, BinsKey, MOST_TRIES};
 use super::classes::{CLASS_COUNT, CLASS_WORDS};
-use super::counted::Room;
+use super::counted::{Room, never_settles};
 use super::image::{Band, Ended, Found, Image, ImageKey, values};
 use super::opaque::{Opaque, OpaqueKey};
 use super::ready::Ready;
@@ -36,14 +36,13 @@ impl Canvas {
         let image_key = ImageKey { size, leaves, memory };
         let opaque_key = OpaqueKey::of(variant, size);
         let mut canvas = Self {
-            bins: kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?,
+            bins: Bins::taken(kept, &bins_key)?,
             image: kept.image.take(&image_key, || Image::new(gpu, &image_key))?,
             opaque: kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?,
             bins_key,
             image_key,
             opaque_key,
         };
-        canvas.bins.restart();
         canvas.leave_room_for_bins(gpu)?;
         Ok(canvas)
     }
@@ -75,7 +74,7 @@ impl Canvas {
     }
 
     /// Renders. `None` where registers do not do, or lists do not fit.
-    pub fn render(&mut self, of: &Ready, memory: u64) -> Result<Option<Found>> {
+    pub fn render(&mut self, of: &Ready) -> Result<Option<Found>> {
         let gpu = &of.gpu;
         let mut found = Found::default();
         let mut first_row = 0;
@@ -84,10 +83,7 @@ impl Canvas {
             // Pieces, then bins, then tiles: each may show the next demand; and each halving of the band.
             tries += 1;
             if tries > MOST_TRIES {
-                return Err(Error::Device(format!(
-                    "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
-                    gpu.adapter.name
-                )));
+                return Err(never_settles(gpu));
             }
             match self.submit_band(of)?.read(gpu, &mut found)? {
                 Ended::Found(fragments) => {
@@ -98,7 +94,7 @@ impl Canvas {
                     }
                 }
                 Ended::Needs(room) => {
-                    match self.bins.grow(gpu, room, memory) {
+                    match self.grow(gpu, room) {
                         Err(Error::Capacity { .. }) if self.image.listed.is_some() => return Ok(None),
                         grown => grown?,
                     }
@@ -119,8 +115,8 @@ impl Canvas {
         Ok(Some(found))
     }
 
-    pub fn grow(&mut self, gpu: &Gpu, room: Room, memory: u64) -> Result<()> {
-        self.bins.grow(gpu, room, memory)
+    pub fn grow(&mut self, gpu: &Gpu, room: Room) -> Result<()> {
+        self.bins.grow(gpu, room, self.bins_key.memory)
     }
 
     /// Gives the device the band that bins are turned to.

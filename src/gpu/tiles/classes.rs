@@ -177,10 +177,11 @@ fn sorts(sizes: &[u32]) -> String {
     text
 }
 
-/// `sort` of tiles/gather_masks.wgsl and tiles/gather_deep.wgsl: keys are made and sorted without leaving registers. What is
+/// `sort` of tiles/composite_taken.wgsl: keys are made and sorted without leaving registers. What is
 /// composited in which order is kept in so many bits each.
 fn sort_taken(sizes: &[u32], bits: u32) -> String {
-    let mut text = String::from("fn sort(n: u32, pixel: vec2u) {\nlet all = widest(n);\n");
+    let mut text =
+        format!("const PLACE_BITS = {bits}u;\nfn sort(n: u32, pixel: vec2u) {{\nlet all = widest(n);\n");
     for &size in sizes {
         if Some(&size) == sizes.last() {
             let _ = writeln!(text, "sort_{size}(n, pixel);\n}}");

@@ -36,6 +36,14 @@ impl Counted {
     }
 }
 
+/// Of a device whose demands do not end.
+pub fn never_settles(gpu: &Gpu) -> Error {
+    Error::Device(format!(
+        "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
+        gpu.adapter.name
+    ))
+}
+
 /// What a frame counted that had this room; or the room that it needs.
 pub fn counted(gpu: &Gpu, words: &[u32], had: Room) -> Result<std::result::Result<Counted, Room>> {
     let [rejected, _, pieces, bin_entries, tile_entries, longest, left, top, x1, y1, ..] = *words else {

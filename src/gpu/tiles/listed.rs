@@ -45,20 +45,22 @@ impl Listed {
         if u64::from(fragments) > most(gpu, memory) {
             return Ok(false);
         }
+        self.hold(gpu, fragments)?;
+        Ok(true)
+    }
+
+    fn hold(&mut self, gpu: &Gpu, fragments: u32) -> Result<()> {
         // The old ones go first: the two need not fit together.
         (self.fragments, self.colors) = room(gpu, 1)?;
         (self.fragments, self.colors) = room(gpu, fragments)?;
         self.capacity = fragments;
-        Ok(true)
+        Ok(())
     }
 
     /// Takes no more than `memory`.
     pub fn shrink(&mut self, gpu: &Gpu, memory: u64) -> Result<()> {
         let most = most(gpu, memory).max(1);
-        if u64::from(self.capacity) <= most {
-            return Ok(());
-        }
-        self.grow(gpu, most as u32, memory.max(FRAGMENT_BYTES)).map(drop)
+        if u64::from(self.capacity) <= most { Ok(()) } else { self.hold(gpu, most as u32) }
     }
 
     /// What a band left, of so many fragments with the empty places among them.

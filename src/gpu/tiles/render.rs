@@ -74,7 +74,7 @@ impl Begun {
             Ended::TooDeep | Ended::NeedsFragments(_) => Ok(None),
             Ended::Needs(room) => {
                 let mut canvas = Canvas::new(&frame.ready, frame.leaves, frame.memory, kept)?;
-                canvas.grow(&kept.gpu, room, frame.memory)?;
+                canvas.grow(&kept.gpu, room)?;
                 frame.render(canvas, kept, &Background::Constant([0.0; 4])) // nobody asks what is behind lists
             }
         }
@@ -153,7 +153,7 @@ impl Frame {
         kept: &mut Kept,
         background: &Background<f32>,
     ) -> Result<Option<Output<f32>>> {
-        let Some(found) = canvas.render(&self.ready, self.memory)? else {
+        let Some(found) = canvas.render(&self.ready)? else {
             canvas.leave(kept);
             return Ok(None);
         };

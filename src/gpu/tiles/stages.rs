@@ -92,6 +92,10 @@ impl Stages {
 
     /// Makes the pipelines of a frame side by side: a driver may take a second for each.
     pub fn prepare(&self, gpu: &Gpu, variant: &Variant, leaves: Leaves) -> Result<()> {
+        let is_made = self.setup.get().is_some() && self.bin.get().is_some();
+        if is_made && self.resolve[leaves as usize].get().is_some() {
+            return Ok(()); // no thread need wake
+        }
         let ((setup, bin), (opaque, resolve)) = threads()?.install(|| {
             join(
                 || join(|| self.setup(gpu, variant).map(drop), || self.bin(gpu, variant).map(drop)),
@@ -268,8 +272,8 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
     ];
     match own.gather {
         Gather::Triangles(_) => files.extend(["tiles/block", "tiles/composite_staged"]),
-        Gather::Deep => files.push("tiles/block"),
-        Gather::Masks => {}
+        Gather::Deep => files.extend(["tiles/block", "tiles/composite_taken"]),
+        Gather::Masks => files.push("tiles/composite_taken"),
         Gather::Staged => files.extend(["tiles/composite_staged", "tiles/sort_staged"]),
     }
     let mut composed = text(variant, &files)?;

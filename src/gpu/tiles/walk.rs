@@ -6,9 +6,9 @@ use wgpu::BufferUsages;
 
 use super::Context;
 use super::bins::{Bins, BinsKey, MOST_TRIES};
-use super::counted::{Counted, Room, counted};
+use super::counted::{Counted, Room, counted, never_settles};
 use super::opaque::{Opaque, OpaqueKey};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::buffers::with_contents;
 use crate::gpu::device::Gpu;
 use crate::gpu::kept::Kept;
@@ -49,8 +49,7 @@ impl Walker {
     ) -> Result<Self> {
         let gpu = of.gpu;
         let bins_key = BinsKey { triangles: scene.triangles, size, colors: of.variant().colors, memory };
-        let mut bins = kept.bins.take(&bins_key, || Bins::new(gpu, &bins_key))?;
-        bins.restart();
+        let bins = Bins::taken(kept, &bins_key)?;
         let opaque_key = OpaqueKey::of(of.variant(), size);
         let opaque = kept.opaque.take(&opaque_key, || Opaque::new(gpu, &opaque_key))?;
         let mut walker = Self { scene, eye, bins, bins_key, counted: Counted::default(), opaque };
@@ -59,10 +58,7 @@ impl Walker {
         while walker.bins.turn_to(first_row) {
             tries += 1;
             if tries > MOST_TRIES {
-                return Err(Error::Device(format!(
-                    "{} counts other triangles each time: its driver is at fault; device=\"cpu\" works",
-                    gpu.adapter.name
-                )));
+                return Err(never_settles(gpu));
             }
             match walker.bin(of, &mut add_time)? {
                 Ok(counted) => {

@@ -46,7 +46,7 @@ pub fn measure(
     let ready = Ready::new(kept, &variant, (scene, camera), request, background)?;
     let memory = request.memory.unwrap_or(DEFAULT_MEMORY);
     let mut canvas = Canvas::new(&ready, Leaves::Color, memory, kept)?;
-    let Some(found) = canvas.render(&ready, memory)? else {
+    let Some(found) = canvas.render(&ready)? else {
         return Err(Error::Parameter("some pixel is too deep for registers".into()));
     };
     if found.bands != 1 {
@@ -57,7 +57,7 @@ pub fn measure(
     // Until the device's clock has risen.
     let clock = Instant::now();
     while clock.elapsed() < WARM_UP {
-        canvas.render(&ready, memory)?;
+        canvas.render(&ready)?;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         gpu.checked("a frame", || {
             for _ in 0..20 {
