@@ -1,26 +1,23 @@
-// An invocation a triangle tests the pixels of its box: for many triangles, that cover few pixels. What is covered goes
-// into a queue, which all invocations share out evenly; each pixel has a place in one array, as long as its list.
-// Fragments come in any order, which their sort forgets.
+// An invocation a triangle tests the pixels of its box, and prepends its place in the tile's list to the list of each that it
+// covers (Yang et al. 2010, in workgroup memory): for many triangles, that cover few pixels. A node is a word; keys are
+// made when they are sorted, from planes that a cache holds. Fragments come in any order, which their sort forgets.
 
-var<workgroup> filled: array<atomic<u32>, THREADS>;
-// The entry of the tile's list that covers, and above its 24 bits the pixel.
-var<workgroup> queue: array<u32, ENTRIES>;
-var<workgroup> queued: atomic<u32>;
-var<workgroup> handed_out: atomic<u32>;
-var<workgroup> keys: array<u32, ENTRIES>;
-var<workgroup> ids: array<u32, ENTRIES>;
+const END = 0xffffu;
 
-var<private> first_entry: u32;
+var<workgroup> heads: array<atomic<u32>, THREADS>;
+// The triangle's place, and above its 16 bits the next node.
+var<workgroup> nodes: array<u32, ENTRIES>;
+var<workgroup> used: atomic<u32>;
 
-fn entry(i: u32) -> u32 {
-    return first_entry + i;
-}
+var<private> tile_first: u32;
+// The node that is taken next.
+var<private> next_node: u32;
 
 fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) -> u32 {
-    atomicStore(&filled[local], 0u);
+    tile_first = span.first;
+    atomicStore(&heads[local], END);
     if local == 0u {
-        atomicStore(&queued, 0u);
-        atomicStore(&handed_out, 0u);
+        atomicStore(&used, 0u);
     }
     workgroupBarrier(); // nothing is covered yet
     for (var t = local; t < span.count; t += THREADS) {
@@ -39,39 +36,44 @@ fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) 
             }
         }
     }
-    workgroupBarrier(); // the queue is whole
-    let all = atomicLoad(&queued);
-    let n = atomicLoad(&filled[local]);
-    first_entry = atomicAdd(&handed_out, n);
-    atomicStore(&filled[local], first_entry);
-    workgroupBarrier(); // every pixel has its place
-    if all > ENTRIES {
+    workgroupBarrier(); // all lists are whole
+    if atomicLoad(&used) > ENTRIES {
         return DEPTH + 1u;
     }
-    for (var i = local; i < all; i += THREADS) {
-        let p = queue[i] >> 24u;
-        let id = tile_entries[span.first + (queue[i] & 0xffffffu)];
-        let pixel = vec2u(corner + vec2i(i32(p % 16u), i32(p / 16u)));
-        let slot = atomicAdd(&filled[p], 1u);
-        keys[slot] = visible_key(value_at(key_planes[id], vec2f(pixel) + 0.5), pixel);
-        ids[slot] = id;
+    next_node = atomicLoad(&heads[local]);
+    var n = 0u;
+    for (var node = next_node; node != END && n <= DEPTH; node = nodes[node] >> 16u) {
+        n++;
     }
-    workgroupBarrier(); // all pixels have all theirs
     return n;
 }
 
-// Queues the pixels of a block, and counts them.
+// Prepends a triangle to the lists of the pixels of a block.
 fn cover(t: u32, block: vec2u, first: vec2i) {
     let counts = countOneBits(block);
-    var i = 0u;
+    var node = ENTRIES;
     if counts.x + counts.y > 0u {
-        i = atomicAdd(&queued, counts.x + counts.y);
+        node = atomicAdd(&used, counts.x + counts.y);
     }
     var rest = block;
-    while (rest.x | rest.y) != 0u && i < ENTRIES {
+    while (rest.x | rest.y) != 0u && node < ENTRIES {
         let pixel = next_pixel(&rest, first);
-        queue[i] = t | (pixel << 24u);
-        atomicAdd(&filled[pixel], 1u);
-        i++;
+        nodes[node] = t | (atomicExchange(&heads[pixel], node) << 16u);
+        node++;
     }
+}
+
+// The place of the next fragment; any of them, if there is none.
+fn take(i: u32) -> u32 {
+    let node = nodes[min(next_node, ENTRIES - 1u)];
+    next_node = node >> 16u;
+    return node & 0xffffu;
+}
+
+fn id_of_place(t: u32) -> u32 {
+    return tile_entries[tile_first + t];
+}
+
+fn value_of_place(t: u32, at: vec2f) -> f32 {
+    return value_at(key_planes[id_of_place(t)], at);
 }

@@ -7,7 +7,6 @@
 @group(0) @binding(4) var<storage, read_write> groups_3: array<u32, 3>;
 @group(0) @binding(5) var<storage, read_write> groups_4: array<u32, 3>;
 @group(0) @binding(6) var<storage, read_write> groups_5: array<u32, 3>;
-@group(0) @binding(7) var<storage, read_write> groups_6: array<u32, 3>;
 
 fn groups(class_index: u32) -> array<u32, 3> {
     return array<u32, 3>(min(atomicLoad(&classes.counts[class_index]), MOST_GROUPS), 1u, 1u);
@@ -21,5 +20,4 @@ fn cs_start() {
     groups_3 = groups(3u);
     groups_4 = groups(4u);
     groups_5 = groups(5u);
-    groups_6 = groups(6u);
 }

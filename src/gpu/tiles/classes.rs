@@ -5,19 +5,12 @@ use std::fmt::Write;
 use crate::gpu::device::Gpu;
 use crate::gpu::unrolled::network;
 
-pub const CLASS_COUNT: usize = 7;
+pub const CLASS_COUNT: usize = 6;
 /// Words of `Classes` in shaders/tiles/classes.wgsl.
 pub const CLASS_WORDS: usize = CLASS_COUNT + 1 + 4;
 /// For people.
-pub const CLASS_NAMES: [&str; CLASS_COUNT] = [
-    "triangles",
-    "more triangles",
-    "masks, short",
-    "masks, longer",
-    "masks, long",
-    "deep triangles",
-    "staged",
-];
+pub const CLASS_NAMES: [&str; CLASS_COUNT] =
+    ["triangles", "masks, short", "masks, longer", "masks, long", "deep triangles", "staged"];
 /// Pixels of a tile, and of the smallest part of one.
 const TILE_PIXELS: u32 = 256;
 const UNIT: u32 = 32;
@@ -27,11 +20,14 @@ const MOST_GROUPS: u32 = 65_535;
 const MANY_TRIANGLES: u32 = 48;
 const SMALL_AREA: u32 = 48;
 
+/// Fragments of a tile of small triangles: 9 KiB of workgroup memory.
+const NODES: u32 = 2048;
+
 /// How a class gathers fragments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gather {
-    /// An invocation a triangle, with room for so many fragments of the part.
-    Triangles(u32),
+    /// An invocation a triangle, with room for NODES fragments of all pixels together.
+    Triangles,
     /// An invocation a pixel, a bit for each triangle that covers it.
     Masks,
     /// An invocation a triangle, with room for each pixel's deepest.
@@ -63,7 +59,7 @@ impl Class {
     /// What sorts, as WGSL.
     pub fn sort(&self) -> Option<String> {
         match self.gather {
-            Gather::Triangles(_) => Some(sorts(&self.sizes()[1..])),
+            Gather::Triangles => Some(sort_taken(&self.sizes(), 16)),
             Gather::Masks => Some(sort_taken(&self.sizes(), 8)),
             // Powers of two alone: with loads of keys each takes longer to compile.
             Gather::Deep => {
@@ -77,7 +73,7 @@ impl Class {
     /// Entries in workgroup memory.
     fn entries(&self) -> u32 {
         match self.gather {
-            Gather::Triangles(entries) => entries,
+            Gather::Triangles => NODES,
             Gather::Masks => 0,
             Gather::Deep | Gather::Staged => self.depth * self.threads,
         }
@@ -93,12 +89,11 @@ pub fn classes(gpu: &Gpu) -> [Class; CLASS_COUNT] {
 pub fn classes_of([short, longer, long]: [u32; 3]) -> [Class; CLASS_COUNT] {
     let class = |gather, least, depth, threads, next| Class { gather, depth, least, threads, next };
     [
-        class(Gather::Triangles(1024), 0, long.min(16), TILE_PIXELS, 5),
-        class(Gather::Triangles(2048), 0, long.min(16), TILE_PIXELS, 5),
-        class(Gather::Masks, 0, short, TILE_PIXELS, 3),
-        class(Gather::Masks, short, longer, TILE_PIXELS, 4),
-        class(Gather::Masks, longer, long, 128, 6),
-        class(Gather::Deep, short, long, 64, 6),
+        class(Gather::Triangles, 0, long.min(16), TILE_PIXELS, 4),
+        class(Gather::Masks, 0, short, TILE_PIXELS, 2),
+        class(Gather::Masks, short, longer, TILE_PIXELS, 3),
+        class(Gather::Masks, longer, long, 128, 5),
+        class(Gather::Deep, short, long, 64, 5),
         class(Gather::Staged, 0, long, if long > 32 { 32 } else { 64 }, CLASS_COUNT),
     ]
 }
@@ -143,39 +138,6 @@ pub fn own_constants(classes: &[Class], class: usize) -> String {
 const STRAIGHT: usize = 4;
 
 const SIZES: [u32; 10] = [1, 2, 4, 8, 12, 16, 24, 32, 48, 64];
-
-/// `sort` of tiles/composite_staged.wgsl: by the number of fragments one of several networks, whose entries are variables
-/// of their own and so lie in registers.
-fn sorts(sizes: &[u32]) -> String {
-    let mut text = String::from("fn sort(n: u32, all: u32) {\n");
-    for (i, size) in sizes.iter().enumerate() {
-        // Writing to a String cannot fail. One fragment alone may still be hidden.
-        let least = if i == 0 { "all == 0u".into() } else { format!("all <= {}u", sizes[i - 1]) };
-        let _ = writeln!(
-            text,
-            "if {least} {{ {} }}",
-            if i == 0 { "return;".into() } else { format!("sort_{}(n); return;", sizes[i - 1]) }
-        );
-        if i + 1 == sizes.len() {
-            let _ = writeln!(text, "sort_{size}(n);");
-        }
-    }
-    text.push_str("}\n");
-    for &size in sizes {
-        let _ = writeln!(text, "fn sort_{size}(n: u32) {{");
-        for i in 0..size {
-            let _ = writeln!(text, "var k{i} = HIDDEN; var t{i} = 0u;");
-            let _ = writeln!(text, "if n > {i}u {{ k{i} = keys[entry({i}u)]; t{i} = ids[entry({i}u)]; }}");
-        }
-        order(&mut text, size);
-        text.push_str("var seen = 0u;\n");
-        for i in 0..size {
-            let _ = writeln!(text, "if k{i} != HIDDEN {{ ids[entry({i}u)] = t{i}; seen = {}u; }}", i + 1);
-        }
-        text.push_str("visible = seen;\n}\n");
-    }
-    text
-}
 
 /// `sort` of tiles/composite_taken.wgsl: keys are made and sorted without leaving registers. What is
 /// composited in which order is kept in so many bits each.

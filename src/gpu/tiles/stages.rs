@@ -260,7 +260,7 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         "tiles/classes",
         "tiles/resolve",
         match own.gather {
-            Gather::Triangles(_) => "tiles/gather_triangles",
+            Gather::Triangles => "tiles/gather_triangles",
             Gather::Masks => "tiles/gather_masks",
             Gather::Deep => "tiles/gather_deep",
             Gather::Staged => "tiles/gather_staged",
@@ -271,8 +271,7 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         "methods/exact",
     ];
     match own.gather {
-        Gather::Triangles(_) => files.extend(["tiles/block", "tiles/composite_staged"]),
-        Gather::Deep => files.extend(["tiles/block", "tiles/composite_taken"]),
+        Gather::Triangles | Gather::Deep => files.extend(["tiles/block", "tiles/composite_taken"]),
         Gather::Masks => files.push("tiles/composite_taken"),
         Gather::Staged => files.extend(["tiles/composite_staged", "tiles/sort_staged"]),
     }
