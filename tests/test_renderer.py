@@ -102,6 +102,31 @@ def test_a_scene_too_deep_for_registers_goes_by_lists_and_back(needs_gpu):
     assert frame.stats.max_depth_complexity < 8
 
 
+@pytest.mark.parametrize("render", ["render", "render_many"])
+def test_a_frame_whose_tiles_the_frames_before_had_none_like_is_whole(needs_gpu, render):
+    """From the front one layer a pixel, from the side 6 in some and a hundred small triangles in others."""
+    layers = [[(-1, -1, z), (1, -1, z), (0, 1, z)] for z in np.linspace(-0.5, 0.5, 6)]
+    crumbs = np.random.default_rng(0).uniform(-0.15, 0.15, (300, 1, 3)) + (5, 0, 0)
+    crumbs = crumbs + np.random.default_rng(1).uniform(-0.03, 0.03, (300, 3, 3))
+    scene = ab.Mesh(np.concatenate([np.array(layers), crumbs]), colors=(0.9, 0.5, 0.2, 0.3))
+    aside, ahead = ab.Camera.look_at((-9, 0, 0), (-12, 0, 0)), ab.Camera.look_at((0, 0, 5), (0, 0, 0))
+    crumbled = ab.Camera.look_at((5, 0, 2), (5, 0, 0))
+    cameras = [aside, ahead, crumbled, ahead, aside]
+    renderer = ab.Renderer("gpu")
+    uploaded = renderer.upload(scene)
+    arguments = SIZE | {"pipeline": "tiles", "fragments": "count"}
+    if render == "render":
+        frames = [renderer.render(uploaded, camera, **arguments) for camera in cameras]
+    else:
+        frames = list(renderer.render_many(uploaded, cameras, **arguments))
+    classes = [frame.plan["tile classes"] for frame in frames]
+    assert len(set(classes)) > 1, "else the cameras do not show what is tested"
+    for frame, camera in zip(frames, cameras, strict=True):
+        assert_same(frame, ab.render(scene, camera, device="gpu", **arguments))
+        cpu = ab.render(scene, camera, device="cpu", **arguments)
+        np.testing.assert_array_equal(frame.counts, cpu.counts)
+
+
 def test_bands_of_one_frame_are_not_those_of_the_next(needs_gpu):
     """Near by its triangles are in more tiles than this memory has room for at once."""
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 40)))

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::device::Gpu;
 use super::pool::Pool;
-use super::tiles::{Bins, BinsKey, Image, ImageKey, Opaque, OpaqueKey};
+use super::tiles::{Bins, BinsKey, Image, ImageKey, Opaque, OpaqueKey, Wanted};
 use super::upload::Uploaded;
 use super::variant::Variant;
 use crate::error::Result;
@@ -18,14 +18,15 @@ pub struct Kept {
     pub bins: Spare<BinsKey, Bins>,
     pub opaque: Spare<OpaqueKey, Opaque>,
     pub image: Spare<ImageKey, Image>,
+    pub wanted: Wanted,
     /// By what nodes are like, and the bytes that they may take.
     pub pool: Spare<(Variant, u64), Pool>,
 }
 
 impl Kept {
     pub fn new(gpu: Arc<Gpu>) -> Self {
-        let (bins, opaque, image, pool) = Default::default();
-        Self { gpu, scene: None, is_kept: false, bins, opaque, image, pool }
+        let (bins, opaque, image, wanted, pool) = Default::default();
+        Self { gpu, scene: None, is_kept: false, bins, opaque, image, wanted, pool }
     }
 
     /// A render begins.

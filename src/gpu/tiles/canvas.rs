@@ -5,7 +5,7 @@ use std::time::Instant;
 use wgpu::BufferUsages;
 
 use super::bins::{Bins, BinsKey, MOST_TRIES};
-use super::classes::{CLASS_COUNT, CLASS_WORDS};
+use super::classes::{CLASS_COUNT, CLASS_WORDS, Wanted, classes};
 use super::counted::{Room, never_settles};
 use super::image::{Band, Ended, Found, Image, ImageKey, values};
 use super::opaque::{Opaque, OpaqueKey};
@@ -27,6 +27,7 @@ pub struct Canvas {
     image_key: ImageKey,
     opaque: Opaque,
     opaque_key: OpaqueKey,
+    wanted: Wanted,
 }
 
 impl Canvas {
@@ -42,6 +43,7 @@ impl Canvas {
             bins_key,
             image_key,
             opaque_key,
+            wanted: kept.wanted.with_made(of.context().stages().made(leaves)),
         };
         canvas.leave_room_for_bins(gpu)?;
         Ok(canvas)
@@ -62,6 +64,7 @@ impl Canvas {
         kept.bins.put(self.bins_key, self.bins);
         kept.image.put(self.image_key, self.image);
         kept.opaque.put(self.opaque_key, self.opaque);
+        kept.wanted = self.wanted;
     }
 
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
@@ -80,7 +83,7 @@ impl Canvas {
         let mut first_row = 0;
         let mut tries = 0;
         while self.bins.turn_to(first_row) {
-            // Pieces, then bins, then tiles: each may show the next demand; and each halving of the band.
+            // Pieces, bins, tiles, classes: each may show the next demand; and each halving of the band.
             tries += 1;
             if tries > MOST_TRIES {
                 return Err(never_settles(gpu));
@@ -108,9 +111,13 @@ impl Canvas {
                         return Ok(None);
                     }
                 }
+                Ended::NeedsClasses(parts) => {
+                    self.wanted.add(&parts);
+                }
                 Ended::TooDeep => return Ok(None),
             }
         }
+        self.wanted.learn(&found.parts);
         self.bins.turn_to(0);
         Ok(Some(found))
     }
@@ -151,6 +158,7 @@ impl Canvas {
             clock,
             key: self.image_key,
             list_capacity: self.image.list_capacity(),
+            wanted: self.wanted,
             is_last,
         })
     }
@@ -177,7 +185,8 @@ impl Canvas {
     pub fn encode(&self, ready: &Ready, encoder: &mut wgpu::CommandEncoder, timing: &Timing) -> Result<()> {
         let (of, scene) = (ready.context(), &ready.scene);
         let (gpu, stages, variant) = (of.gpu, of.stages(), of.variant());
-        stages.prepare(gpu, variant, self.image_key.leaves)?;
+        let leaves = self.image_key.leaves;
+        stages.prepare(gpu, variant, leaves, &self.wanted)?;
         // One pass: between passes a device idles longer than a small stage takes.
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("tiles"),
@@ -193,28 +202,22 @@ impl Canvas {
             self.opaque.set_walk(of, &mut pass)?;
             pass.dispatch_workgroups(grid.tiles_x, grid.tiles_y, 1);
         }
-        let leaves = self.image_key.leaves;
-        let pipelines = stages.resolve(gpu, variant, leaves)?;
-        let groups: Vec<_> = (0..CLASS_COUNT)
-            .map(|class| {
-                let next = pipelines.classes[class].next;
-                let mut slots = vec![
-                    (&self.image.image).into(),
-                    (&self.image.counts).into(),
-                    (&self.bins.classes).into(),
-                    (&self.bins.parts).into(),
-                    (&self.bins.groups[next]).into(),
-                    (&ready.background).into(),
-                ];
-                let listed = self.image.listed.iter();
-                slots.extend(listed.flat_map(|l| [&l.starts, &l.fragments, &l.colors].map(Into::into)));
-                bind(gpu, "resolve", stages.resolve_layout(leaves), &slots)
-            })
-            .collect();
+        let classes = classes(gpu);
         self.opaque.set_read(of, &mut pass);
-        for (class, group) in groups.iter().enumerate() {
-            pass.set_pipeline(&pipelines.resolve[class]);
-            pass.set_bind_group(1, group, &[]);
+        for class in self.wanted.classes() {
+            let next = classes[class].next;
+            let mut slots = vec![
+                (&self.image.image).into(),
+                (&self.image.counts).into(),
+                (&self.bins.classes).into(),
+                (&self.bins.parts).into(),
+                (&self.bins.groups[next]).into(),
+                (&ready.background).into(),
+            ];
+            let listed = self.image.listed.iter();
+            slots.extend(listed.flat_map(|l| [&l.starts, &l.fragments, &l.colors].map(Into::into)));
+            pass.set_pipeline(stages.resolve(gpu, variant, leaves, class)?);
+            pass.set_bind_group(1, &bind(gpu, "resolve", stages.resolve_layout(leaves), &slots), &[]);
             pass.dispatch_workgroups_indirect(&self.bins.groups[class], 0);
         }
         Ok(())

@@ -98,6 +98,51 @@ pub fn classes_of([short, longer, long]: [u32; 3]) -> [Class; CLASS_COUNT] {
     ]
 }
 
+/// The classes that a frame dispatches: each takes a device some µs though no tile is in it, and a driver up to seconds
+/// to compile. A frame that turns out to have tiles of others is done again with those.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wanted {
+    classes: [bool; CLASS_COUNT],
+    /// What a frame of the scene used is known.
+    is_known: bool,
+}
+
+impl Default for Wanted {
+    /// Those that most scenes do with.
+    fn default() -> Self {
+        Self { classes: std::array::from_fn(|class| class < 2), is_known: false }
+    }
+}
+
+impl Wanted {
+    pub fn classes(&self) -> impl Iterator<Item = usize> + use<> {
+        let classes = self.classes;
+        (0..CLASS_COUNT).filter(move |&class| classes[class])
+    }
+
+    /// Before it is known what a scene uses: with those that cost no compilation too.
+    pub fn with_made(mut self, made: [bool; CLASS_COUNT]) -> Self {
+        if !self.is_known {
+            self.classes = std::array::from_fn(|class| self.classes[class] || made[class]);
+        }
+        self
+    }
+
+    /// Adds the classes that a frame has parts of. Whether one was missing.
+    pub fn add(&mut self, parts: &[u32]) -> bool {
+        let before = self.classes;
+        self.classes = std::array::from_fn(|class| before[class] || parts[class] > 0);
+        self.classes != before
+    }
+
+    /// Knows what the scene's first whole frame used, and wants no others until another frame does.
+    pub fn learn(&mut self, parts: &[u32]) {
+        if !self.is_known {
+            *self = Self { classes: std::array::from_fn(|class| parts[class] > 0), is_known: true };
+        }
+    }
+}
+
 /// Parts of a class, at most, of so many tiles.
 pub fn most_parts(tiles: u32) -> u32 {
     tiles * (TILE_PIXELS / UNIT)
@@ -205,6 +250,24 @@ fn order(text: &mut String, size: u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_frame_wants_what_the_first_used_and_what_later_ones_need() {
+        let only = |class: usize| std::array::from_fn::<u32, CLASS_COUNT, _>(|c| u32::from(c == class));
+        let classes = |wanted: &Wanted| wanted.classes().collect::<Vec<_>>();
+        let mut wanted = Wanted::default();
+        assert_eq!(classes(&wanted), [0, 1]);
+        assert_eq!(classes(&wanted.with_made([true; CLASS_COUNT])), [0, 1, 2, 3, 4, 5]);
+        assert!(!wanted.add(&only(1)), "it is there already");
+        assert!(wanted.add(&only(4)));
+        wanted.learn(&only(4));
+        assert_eq!(classes(&wanted), [4]);
+        assert_eq!(classes(&wanted.with_made([true; CLASS_COUNT])), [4], "what is made is not used");
+        wanted.learn(&only(2));
+        assert_eq!(classes(&wanted), [4], "the first frame's alone");
+        assert!(wanted.add(&only(2)));
+        assert_eq!(classes(&wanted), [2, 4]);
+    }
 
     #[test]
     fn parts_are_whole_units_and_go_on_to_classes_with_more_room() {

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use bytemuck::allocation::try_cast_vec;
 
-use super::classes::{CLASS_COUNT, CLASS_WORDS};
+use super::classes::{CLASS_COUNT, CLASS_WORDS, Wanted};
 use super::counted::{Counted, Room, counted};
 use super::listed::{Listed, ListedBand};
 use super::stages::Leaves;
@@ -118,6 +118,7 @@ pub struct Band {
     pub clock: Instant,
     pub key: ImageKey,
     pub list_capacity: u32,
+    pub wanted: Wanted,
     pub is_last: bool,
 }
 
@@ -128,6 +129,8 @@ pub enum Ended {
     /// It had too little room, and is to be done again with this.
     Needs(Room),
     NeedsFragments(u32),
+    /// It had tiles of classes that were not dispatched: so many parts of each.
+    NeedsClasses([u32; CLASS_COUNT]),
     /// Registers do not do: a pixel is deeper than any class, or a list longer than a software driver's loops.
     TooDeep,
 }
@@ -135,7 +138,7 @@ pub enum Ended {
 impl Band {
     /// Waits, and adds what the band found. The last band brings the image.
     pub fn read(self, gpu: &Gpu, found: &mut Found) -> Result<Ended> {
-        let Self { submitted, timing, had, clock, key, list_capacity, is_last } = self;
+        let Self { submitted, timing, had, clock, key, list_capacity, mut wanted, is_last } = self;
         let mut words = submitted.read(gpu)?;
         let mut waited = clock.elapsed().as_secs_f64() * 1e3;
         if timing.buffer().is_some() {
@@ -162,6 +165,9 @@ impl Band {
         let too_long = gpu.adapter.is_software() && counted.longest > window_length(gpu, 1);
         if classes[CLASS_COUNT] > 0 || too_long {
             return Ok(Ended::TooDeep);
+        }
+        if wanted.add(&classes) {
+            return Ok(Ended::NeedsClasses(std::array::from_fn(|class| classes[class])));
         }
         let listed = classes[CLASS_WORDS - 1];
         if listed > list_capacity {

@@ -15,6 +15,7 @@ mod walk;
 mod yardstick;
 
 pub use bins::{Bins, BinsKey};
+pub use classes::Wanted;
 pub use image::{Image, ImageKey, is_enough};
 pub use opaque::{Opaque, OpaqueKey};
 pub use render::{Begun, begin, render};

@@ -69,13 +69,22 @@ impl Begun {
             return Ok(None); // that device is lost
         }
         let mut found = Found::default();
+        let nothing_behind = &Background::Constant([0.0; 4]); // nobody asks: there are no lists
         match band.read(&kept.gpu, &mut found)? {
-            Ended::Found(_) => frame.output(found, None).map(Some),
+            Ended::Found(_) => {
+                kept.wanted.learn(&found.parts);
+                frame.output(found, None).map(Some)
+            }
             Ended::TooDeep | Ended::NeedsFragments(_) => Ok(None),
             Ended::Needs(room) => {
                 let mut canvas = Canvas::new(&frame.ready, frame.leaves, frame.memory, kept)?;
                 canvas.grow(&kept.gpu, room)?;
-                frame.render(canvas, kept, &Background::Constant([0.0; 4])) // nobody asks what is behind lists
+                frame.render(canvas, kept, nothing_behind)
+            }
+            Ended::NeedsClasses(parts) => {
+                kept.wanted.add(&parts);
+                let canvas = Canvas::new(&frame.ready, frame.leaves, frame.memory, kept)?;
+                frame.render(canvas, kept, nothing_behind)
             }
         }
     }

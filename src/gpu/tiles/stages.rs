@@ -7,7 +7,7 @@ use wgpu::ShaderStages;
 
 #[cfg(test)]
 use super::classes::classes_of;
-use super::classes::{CLASS_COUNT, Class, Gather, classes, constants, own_constants};
+use super::classes::{CLASS_COUNT, Class, Gather, Wanted, classes, constants, own_constants};
 use crate::error::Result;
 use crate::gpu::buffers::{Slot, layout};
 use crate::gpu::device::Gpu;
@@ -32,8 +32,8 @@ pub struct Stages {
     pub start_layout: wgpu::BindGroupLayout,
     resolve_layouts: [wgpu::BindGroupLayout; 2],
     pub read_opaque_layout: wgpu::BindGroupLayout,
-    /// By what they leave.
-    resolve: [OnceLock<Resolve>; 3],
+    /// By what they leave, then by class.
+    resolve: [[OnceLock<wgpu::ComputePipeline>; CLASS_COUNT]; 3],
 }
 
 /// What a resolve leaves of a pixel: its colour, and with it the number of its fragments, and with that the fragments.
@@ -42,12 +42,6 @@ pub enum Leaves {
     Color,
     Counts,
     Lists,
-}
-
-/// The classes, and the pipeline of each.
-pub struct Resolve {
-    pub classes: [Class; CLASS_COUNT],
-    pub resolve: Vec<wgpu::ComputePipeline>,
 }
 
 pub struct Setup {
@@ -90,10 +84,12 @@ impl Stages {
         }
     }
 
-    /// Makes the pipelines of a frame side by side: a driver may take a second for each.
-    pub fn prepare(&self, gpu: &Gpu, variant: &Variant, leaves: Leaves) -> Result<()> {
+    /// Makes the pipelines of a frame side by side: a driver may take seconds for each.
+    pub fn prepare(&self, gpu: &Gpu, variant: &Variant, leaves: Leaves, wanted: &Wanted) -> Result<()> {
         let is_made = self.setup.get().is_some() && self.bin.get().is_some();
-        if is_made && self.resolve[leaves as usize].get().is_some() {
+        let made = self.made(leaves);
+        let missing: Vec<_> = wanted.classes().filter(|&class| !made[class]).collect();
+        if is_made && missing.is_empty() {
             return Ok(()); // no thread need wake
         }
         let ((setup, bin), (opaque, resolve)) = threads()?.install(|| {
@@ -101,7 +97,8 @@ impl Stages {
                 || join(|| self.setup(gpu, variant).map(drop), || self.bin(gpu, variant).map(drop)),
                 || {
                     let opaque = || if variant.hides { self.opaque(gpu, variant).map(drop) } else { Ok(()) };
-                    join(opaque, || self.resolve(gpu, variant, leaves).map(drop))
+                    let resolve = |class| self.resolve(gpu, variant, leaves, class).map(drop);
+                    join(opaque, || missing.into_par_iter().try_for_each(resolve))
                 },
             )
         });
@@ -146,22 +143,26 @@ impl Stages {
         &self.resolve_layouts[usize::from(leaves == Leaves::Lists)]
     }
 
-    /// The classes of tiles whose fragments are resolved as they are found.
-    pub fn resolve(&self, gpu: &Gpu, variant: &Variant, leaves: Leaves) -> Result<&Resolve> {
-        once(gpu, &self.resolve[leaves as usize], || {
-            let classes = classes(gpu);
+    /// The classes whose pipelines are made.
+    pub fn made(&self, leaves: Leaves) -> [bool; CLASS_COUNT] {
+        std::array::from_fn(|class| self.resolve[leaves as usize][class].get().is_some())
+    }
+
+    /// Resolves tiles of a class, whose fragments are sorted as they are found.
+    pub fn resolve(
+        &self,
+        gpu: &Gpu,
+        variant: &Variant,
+        leaves: Leaves,
+        class: usize,
+    ) -> Result<&wgpu::ComputePipeline> {
+        once(gpu, &self.resolve[leaves as usize][class], || {
             let mut groups = vec![&self.walk_layout, self.resolve_layout(leaves)];
             if variant.hides {
                 groups.push(&self.read_opaque_layout);
             }
-            let of = |class: usize| {
-                gpu.checked("making pipelines", || {
-                    let module = compile(gpu, "tile resolve", &resolve(variant, &classes, class, leaves)?)?;
-                    Ok(compute_uncleared(gpu, &module, "cs_resolve", &groups))
-                })
-            };
-            let resolve = (0..CLASS_COUNT).into_par_iter().map(of).collect::<Result<Vec<_>>>()?;
-            Ok(Resolve { classes, resolve })
+            let module = compile(gpu, "tile resolve", &resolve(variant, &classes(gpu), class, leaves)?)?;
+            Ok(compute_uncleared(gpu, &module, "cs_resolve", &groups))
         })
     }
 
