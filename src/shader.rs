@@ -7,6 +7,8 @@ use crate::error::{Error, Result};
 
 /// Entries of a long list that one invocation sorts or merges.
 pub const CHUNK: u32 = 32;
+/// Entries of a long list that a workgroup sorts: eight bytes each, of the 16 KiB that every device has.
+pub const LONG_BLOCK: u32 = 63 * CHUNK;
 /// Values that a workgroup of the prefix sum takes.
 pub const SCAN_BLOCK: u32 = 1024;
 
@@ -63,6 +65,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "resolve/fullscreen_late",
     "resolve/background",
     "resolve/long",
+    "resolve/long_blocks",
     "sort/arrays",
     "sort/insertion",
     "sort/selection",

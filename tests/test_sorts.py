@@ -90,6 +90,27 @@ def test_every_sort_is_of_any_triangles(pipeline):
         assert_same_bits(pipeline.render(mesh, camera, sort=sort, **size), default)
 
 
+@pytest.mark.parametrize("pipeline", [GPU, GPU_PREFIX, GPU_TILES], ids=str)
+def test_lists_of_about_so_many_parts_are_sorted_whole(pipeline):
+    """A workgroup sorts 2,016 fragments, and merges join what is longer: column x has LENGTHS[x] of them."""
+    lengths = np.array([65, 2015, 2016, 2017, 2048, 2049, 4032, 4033, 6100])
+    count, width = lengths.max(), len(lengths)
+    z = np.random.default_rng(5).permutation(count) / count
+    z[4::5] = z[3::5]
+    left = np.searchsorted(lengths, np.arange(count), side="right")  # of layer k: right of it lists are longer than k
+    edge = [np.array([(x, -400, z[k]), (x, 400, z[k]), (x + 900, 1, z[k])]) for k, x in enumerate(left)]
+    colors = np.random.default_rng(6).uniform(0, 1, (count, 4)) * (1, 1, 1, 1 / 1000)
+    mesh = ab.Mesh(np.array(edge), colors=colors, color_mode="face")
+    camera = ab.Camera.orthographic((width / 2, 0.5, 3), (width / 2, 0.5, 0), height=1)
+    size = {"width": width, "height": 1}
+    reference = CPU64.render(mesh, camera, fragments="count", **size)
+    np.testing.assert_array_equal(reference.counts[0], lengths)
+    bitonic, merge, auto = (pipeline.render(mesh, camera, sort=sort, **size) for sort in ("bitonic", "merge", "auto"))
+    np.testing.assert_array_equal(bitonic.image, merge.image)
+    np.testing.assert_array_equal(bitonic.image, auto.image)
+    assert np.abs(bitonic.image - reference.image).max() < 2 * lengths.max() * U
+
+
 def test_a_list_out_of_order_would_be_seen():
     default = draw(CPU32, stairs())
     other = draw(CPU32, stairs(seed=1))

@@ -1,10 +1,10 @@
 // Lists longer than the temporary array of any class: exact at any length, in O(n log n).
 //
-// The list is copied to contiguous scratch, blocks of CHUNK entries are sorted by insertion, and then
-// merged in rounds of doubling width. In a round each invocation writes CHUNK outputs, which it finds by a
-// binary search along its diagonal of the two runs (merge path: Odeh, Green, Mwassi, Shmueli and Birk 2012).
-// Walks along a list and the final composite take one invocation a pixel; after `band.trip_budget` steps it
-// stores its state, raises `unfinished` and goes on in the next dispatch.
+// The list is copied to contiguous scratch, runs of it are sorted (blocks by a workgroup each, long_blocks.wgsl, or
+// chunks of CHUNK entries by an invocation each), and then merged in rounds of doubling width. In a round each
+// invocation writes CHUNK outputs, which it finds by a binary search along its diagonal of the two runs (merge path:
+// Odeh, Green, Mwassi, Shmueli and Birk 2012). Walks along a list and the final composite take one invocation a pixel;
+// after `band.trip_budget` steps it stores its state, raises `unfinished` and goes on in the next dispatch.
 
 struct LongPixel {
     pixel: u32,
@@ -46,9 +46,9 @@ struct Round {
     first_pixel: u32,
     // 1: sort by primitive first, to find the last submitted.
     by_order: u32,
+    block_count: u32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 @group(1) @binding(5) var<uniform> current: Round;
 // Those that the classes left over start at current.first_pixel.

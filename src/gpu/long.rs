@@ -11,10 +11,10 @@ use super::readback::copied;
 use super::timing::Timing;
 use super::uniforms::{LongPixel, LongSample, Round};
 use crate::error::{Error, Result};
-use crate::frame::{LimitPolicy, Stats};
-use crate::shader::CHUNK;
+use crate::frame::{LimitPolicy, Sort, Stats};
+use crate::shader::{CHUNK, LONG_BLOCK};
 
-/// Invocations of a workgroup in all of these stages.
+/// Invocations of a workgroup in all of these stages but the sort of blocks.
 const WORKGROUP: u32 = 64;
 
 /// Resolves the pixels that the classes left over: so many of `class_pixels`, from the first on. Returns how many
@@ -106,8 +106,10 @@ struct Sorter<'a> {
     unfinished: wgpu::Buffer,
     entries: [wgpu::Buffer; 2],
     chunk_owner: wgpu::Buffer,
+    block_starts: wgpu::Buffer,
     long_count: u32,
     chunk_count: u32,
+    block_count: u32,
     longest: u32,
 }
 
@@ -123,9 +125,12 @@ impl<'a> Sorter<'a> {
         let gpu = frame.gpu;
         let chunk_count = entries / CHUNK;
         let mut owner = Vec::with_capacity(chunk_count as usize);
+        let mut block_starts = Vec::new();
         if entries > 0 {
             for (i, pixel) in (0_u32..).zip(pixels) {
+                let first = owner.len() as u32;
                 owner.extend(std::iter::repeat_n(i, pixel.count.div_ceil(CHUNK) as usize));
+                block_starts.extend((first..owner.len() as u32).step_by((LONG_BLOCK / CHUNK) as usize));
             }
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
@@ -143,8 +148,10 @@ impl<'a> Sorter<'a> {
             unfinished: storage(gpu, "unfinished", 4),
             entries: ["ping", "pong"].map(|label| storage(gpu, label, 4 * u64::from(entries))),
             chunk_owner: with_contents(gpu, "chunk owners", usage, &owner),
+            block_starts: with_contents(gpu, "block starts", usage, &block_starts),
             long_count: pixels.len() as u32,
             chunk_count,
+            block_count: block_starts.len() as u32,
             longest: pixels.iter().map(|p| p.count).max().unwrap_or(0),
         })
     }
@@ -181,8 +188,20 @@ impl<'a> Sorter<'a> {
             by_order,
             ..Dispatch::new(pipeline, self.chunk_count)
         };
-        rounds.push(of(&self.stages.sort_chunks, source, 0));
-        let mut width = CHUNK;
+        let in_blocks = match self.frame.pipelines.variant.sort {
+            Sort::Bitonic => true,
+            // A software driver takes up to ten times as long over them: a barrier there is a switch of all invocations.
+            Sort::Auto => !self.frame.gpu.adapter.is_software(),
+            _ => false,
+        };
+        let mut width = if in_blocks {
+            let invocations = self.block_count * WORKGROUP;
+            rounds.push(Dispatch { invocations, ..of(&self.stages.sort_blocks, source, 0) });
+            LONG_BLOCK
+        } else {
+            rounds.push(of(&self.stages.sort_chunks, source, 0));
+            CHUNK
+        };
         while width < self.longest {
             rounds.push(of(&self.stages.merge, source, width));
             source = 1 - source;
@@ -219,9 +238,9 @@ impl<'a> Sorter<'a> {
             chunk_count: self.chunk_count,
             first_pixel: self.first_pixel,
             by_order: u32::from(dispatch.by_order),
+            block_count: self.block_count,
             pad0: 0,
             pad1: 0,
-            pad2: 0,
         };
         let group = bind(
             gpu,
@@ -236,6 +255,7 @@ impl<'a> Sorter<'a> {
                 (&with_contents(gpu, "round", BufferUsages::UNIFORM, &[round])).into(),
                 self.class_pixels.into(),
                 (&self.samples).into(),
+                (&self.block_starts).into(),
             ],
         );
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {

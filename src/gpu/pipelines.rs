@@ -69,6 +69,7 @@ pub struct Long {
     pub begin: wgpu::ComputePipeline,
     pub gather: wgpu::ComputePipeline,
     pub sort_chunks: wgpu::ComputePipeline,
+    pub sort_blocks: wgpu::ComputePipeline,
     pub merge: wgpu::ComputePipeline,
     pub limit: wgpu::ComputePipeline,
     pub truncate: wgpu::ComputePipeline,
@@ -106,7 +107,7 @@ impl Layouts {
             long: of(
                 "long",
                 compute,
-                &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, Read, Uniform, Read, ReadWrite],
+                &[ReadWrite, ReadWrite, ReadWrite, ReadWrite, Read, Uniform, Read, ReadWrite, Read],
             ),
             scan: of("scan", compute, &[ReadWrite, ReadWrite, Uniform, ReadWrite]),
             gather: of("gather", compute, &[Uniform, Uniform, Read, Read, ReadWrite, ReadWrite]),
@@ -238,11 +239,13 @@ impl Pipelines {
     pub fn long(&self, gpu: &Gpu) -> Result<&Long> {
         once(gpu, &self.long, || {
             let module = compile(gpu, "long", &self.variant.long()?)?;
-            let of = |entry: &str| compute(gpu, &module, entry, &[&self.layouts.read, &self.layouts.long]);
+            let groups = [&self.layouts.read, &self.layouts.long];
+            let of = |entry: &str| compute(gpu, &module, entry, &groups);
             Ok(Long {
                 begin: of("cs_begin"),
                 gather: of("cs_gather"),
                 sort_chunks: of("cs_sort_chunks"),
+                sort_blocks: compute_uncleared(gpu, &module, "cs_sort_blocks", &groups),
                 merge: of("cs_merge"),
                 limit: of("cs_limit"),
                 truncate: of("cs_truncate"),

@@ -85,9 +85,9 @@ pub struct Round {
     pub chunk_count: u32,
     pub first_pixel: u32,
     pub by_order: u32,
+    pub block_count: u32,
     pub pad0: u32,
     pub pad1: u32,
-    pub pad2: u32,
 }
 
 /// The view as triangle setup needs it.
@@ -213,7 +213,10 @@ mod tests {
         same!(&opaque, Batch { first_primitive, colors_per_triangle, pad });
         same!(&opaque, MeshState { alpha_cutoff, is_opaque, cull, blend });
         same!(&long, LongPixel { pixel, first, count, kept, link, written, scanned, fragments });
-        same!(&long, Round { width, long_count, chunk_count, first_pixel, by_order, pad0, pad1, pad2 });
+        same!(
+            &long,
+            Round { width, long_count, chunk_count, first_pixel, by_order, block_count, pad0, pad1 }
+        );
         let tiles = crate::gpu::tiles::modules(&Variant { tiles: true, ..plain() });
         let [setup, bin, _, walk, ..] = tiles.as_slice() else { panic!("the modules of tiles") };
         same!(

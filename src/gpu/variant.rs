@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::frame::{BlendOrder, LimitPolicy, MsaaResolve, Sort, Storage};
 use crate::node_format::{NodeFormat, NodeLayout};
 use crate::samples::{full, pattern};
-use crate::shader::{CHUNK, Composed, SCAN_BLOCK};
+use crate::shader::{CHUNK, Composed, LONG_BLOCK, SCAN_BLOCK};
 
 /// How tiles find the colour of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -162,6 +162,7 @@ impl Variant {
         constant("CLASS_ABOVE", unsigned(if class == 0 { 0 } else { self.classes[class - 1] }));
         constant("TEMP", unsigned(temp));
         constant("CHUNK", unsigned(CHUNK));
+        constant("LONG_BLOCK", unsigned(LONG_BLOCK));
         constant("SCAN_BLOCK", unsigned(SCAN_BLOCK));
         constant("LIMIT", unsigned(self.limit.map_or(0, |(n, _)| n)));
         let last = matches!(self.limit, Some((_, LimitPolicy::LastSubmitted)));
@@ -301,7 +302,7 @@ impl Variant {
     }
 
     pub fn long(&self) -> Result<Composed> {
-        self.reading(CHUNK, 0, &["sort/arrays", self.sort_file(), "resolve/long"])
+        self.reading(CHUNK, 0, &["sort/arrays", self.sort_file(), "resolve/long", "resolve/long_blocks"])
     }
 
     pub fn scan(&self) -> Result<Composed> {
