@@ -28,7 +28,13 @@ fn gather(span: Span, corner: vec2i, place: vec2i, is_inside: bool, local: u32) 
     let pixel = vec2u(corner + place);
     for (var first = 0u; first < span.count; first += BATCH) {
         let size = min(BATCH, span.count - first);
+        if n > DEPTH {
+            atomicStore(&overflows, 1u);
+        }
         workgroupBarrier(); // the batch before is read
+        if atomicLoad(&overflows) == 1u {
+            return n; // the part goes on to the next class: the rest need not be walked
+        }
         for (var t = local; t < size; t += THREADS) {
             batch[t] = item_of(tile_entries[span.first + first + t], corner.x, corner.y);
         }
