@@ -39,5 +39,5 @@ fn visit(n: u32, pixel: vec2u, center: vec2f, mask: u32) {
 
 @compute @workgroup_size(256)
 fn cs_keep(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    walk(group.xy + vec2u(band.x0, band.y0) / 16u, local);
+    walk(group.xy + vec2u(band.x0, band.y0) / 16u, group.z, local);
 }

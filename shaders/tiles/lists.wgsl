@@ -48,7 +48,8 @@ fn place_of_fragment(mask: u32, center: vec2f) -> vec2f {
     return sample_at(center, firstTrailingBit(mask));
 }
 
-fn walk(tile: vec2u, local: u32) {
+// Walks a slice of the tile's list: of window.count triangles, from window.first on.
+fn walk(tile: vec2u, slice: u32, local: u32) {
     let x0 = TILE * i32(tile.x);
     let y0 = TILE * i32(tile.y);
     let i = i32(local % 16u);
@@ -58,7 +59,7 @@ fn walk(tile: vec2u, local: u32) {
     let center = vec2f(pixel) + 0.5;
     if local == 0u {
         let span = tiles[(tile.y - window.first_row) * window.tiles_x + tile.x];
-        let first = min(window.first, span.count);
+        let first = min(window.first + slice * window.count, span.count);
         shared_span = Span(span.first + first, min(span.count - first, window.count));
     }
     let span = workgroupUniformLoad(&shared_span);

@@ -43,5 +43,5 @@ fn cs_opaque(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
             }
         }
     }
-    walk(tile, local);
+    walk(tile, 0u, local);
 }

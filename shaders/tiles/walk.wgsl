@@ -18,7 +18,7 @@ struct Span {
     count: u32,
 }
 
-// The part of each tile's list that one dispatch walks: Mesa's llvmpipe ends loops after 65,535 turns, silently.
+// The part of each tile's list that a workgroup walks: Mesa's llvmpipe ends loops after 65,535 turns, silently.
 struct Window {
     first: u32,
     count: u32,

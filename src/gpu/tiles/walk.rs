@@ -26,6 +26,9 @@ pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
     if gpu.adapter.is_software() { 60_000 / (9 * samples + 21) } else { 1 << 14 }
 }
 
+/// Triangles of a tile's list that one workgroup keeps the fragments of.
+const SLICE: u32 = 1024;
+
 /// A scene as one camera sees it, in tiles; in bands of their rows, where not all have room at once.
 pub struct Walker {
     scene: Arc<Uploaded>,
@@ -137,16 +140,25 @@ impl Walker {
         [&self.bins.bytes()[..], &[("geometry", self.scene.bytes), ("targets", self.opaque.bytes())]].concat()
     }
 
-    /// A dispatch for each part of the tiles' lists, each a workgroup for each of `tiles`.
-    fn encode_windows(&self, of: Context, pass: &mut wgpu::ComputePass, tiles: (u32, u32)) {
+    /// The tiles' lists in slices of so many triangles, a workgroup for each slice of each of `tiles`; at most `side_by_side`
+    /// of them in a dispatch.
+    fn encode_slices(
+        &self,
+        of: Context,
+        pass: &mut wgpu::ComputePass,
+        tiles: (u32, u32),
+        count: u32,
+        side_by_side: u32,
+    ) {
         let gpu = of.gpu;
-        let count = window_length(gpu, of.variant().layout.samples);
-        for first in (0..self.counted.longest.max(1)).step_by(count as usize) {
+        let longest = self.counted.longest.max(1);
+        for first in (0..longest).step_by(count as usize * side_by_side as usize) {
+            let slices = (longest - first).div_ceil(count).min(side_by_side);
             let window = self.bins.window(first, count);
             let window = with_contents(gpu, "window", BufferUsages::UNIFORM, &[window]);
             let group = self.bins.walk_group(of, &self.scene, &window);
             pass.set_bind_group(0, &group, &[]);
-            pass.dispatch_workgroups(tiles.0, tiles.1, 1);
+            pass.dispatch_workgroups(tiles.0, tiles.1, slices);
         }
     }
 
@@ -162,7 +174,9 @@ impl Walker {
         });
         self.opaque.set_walk(of, &mut pass)?;
         let grid = &self.bins.grid;
-        self.encode_windows(of, &mut pass, (grid.tiles_x, grid.tiles_y));
+        // Of equal depths the later triangle hides, so slices come one after the other.
+        let count = window_length(of.gpu, of.variant().layout.samples);
+        self.encode_slices(of, &mut pass, (grid.tiles_x, grid.tiles_y), count, 1);
         Ok(())
     }
 
@@ -186,7 +200,10 @@ impl Walker {
         pass.set_bind_group(1, lists.1, &[]);
         self.opaque.set_read(of, &mut pass);
         let tiles = |start: u32, length: u32| (start + length).div_ceil(TILE) - start / TILE;
-        self.encode_windows(of, &mut pass, (tiles(rect.x0, rect.w), tiles(rect.y0, rect.h)));
+        let tiles = (tiles(rect.x0, rect.w), tiles(rect.y0, rect.h));
+        // Fragments come in any order, so that one tile of many triangles need not keep the others waiting.
+        let count = SLICE.min(window_length(of.gpu, of.variant().layout.samples));
+        self.encode_slices(of, &mut pass, tiles, count, of.gpu.limits.max_compute_workgroups_per_dimension);
         Ok(())
     }
 }
