@@ -182,7 +182,7 @@ pub fn own_constants(classes: &[Class], class: usize) -> String {
 /// Fragments between two branches: drivers take much longer over branches than over what these leave out.
 const STRAIGHT: usize = 4;
 
-const SIZES: [u32; 10] = [1, 2, 4, 8, 12, 16, 24, 32, 48, 64];
+const SIZES: [u32; 8] = [2, 4, 8, 16, 24, 32, 48, 64];
 
 /// `sort` of tiles/composite_taken.wgsl: keys are made and sorted without leaving registers. What is
 /// composited in which order is kept in so many bits each.
