@@ -70,7 +70,7 @@ pub struct Bins {
     piece_capacity: u32,
 }
 
-/// Of a band: three demands of room, a few of classes, and as many halvings as a row has bits.
+/// Of a band: three demands of room, one of classes, and as many halvings as a row has bits.
 pub const MOST_TRIES: u32 = 20;
 
 impl Bins {

@@ -111,9 +111,7 @@ impl Canvas {
                         return Ok(None);
                     }
                 }
-                Ended::NeedsClasses(parts) => {
-                    self.wanted.add(&parts);
-                }
+                Ended::NeedsClasses => self.wanted.want_all(),
                 Ended::TooDeep => return Ok(None),
             }
         }

@@ -99,18 +99,22 @@ pub fn classes_of([short, longer, long]: [u32; 3]) -> [Class; CLASS_COUNT] {
 }
 
 /// The classes that a frame dispatches: each takes a device some µs though no tile is in it, and a driver up to seconds
-/// to compile. A frame that turns out to have tiles of others is done again with those.
+/// to compile. A frame that turns out to have tiles of others is done again with all, which a driver compiles side by
+/// side, and shows which the next ones need.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wanted {
     classes: [bool; CLASS_COUNT],
-    /// What a frame of the scene used is known.
+    /// Those that frames of the scene have used.
+    used: [bool; CLASS_COUNT],
+    /// Only those are wanted.
     is_known: bool,
 }
 
 impl Default for Wanted {
     /// Those that most scenes do with.
     fn default() -> Self {
-        Self { classes: std::array::from_fn(|class| class < 2), is_known: false }
+        let classes = std::array::from_fn(|class| class < 2);
+        Self { classes, used: [false; CLASS_COUNT], is_known: false }
     }
 }
 
@@ -128,17 +132,20 @@ impl Wanted {
         self
     }
 
-    /// Adds the classes that a frame has parts of. Whether one was missing.
-    pub fn add(&mut self, parts: &[u32]) -> bool {
-        let before = self.classes;
-        self.classes = std::array::from_fn(|class| before[class] || parts[class] > 0);
-        self.classes != before
+    /// Whether a frame of so many parts of each class has none of others.
+    pub fn suffice(&self, parts: &[u32]) -> bool {
+        (0..CLASS_COUNT).all(|class| self.classes[class] || parts[class] == 0)
     }
 
-    /// Knows what the scene's first whole frame used, and wants no others until another frame does.
+    pub fn want_all(&mut self) {
+        (self.classes, self.is_known) = ([true; CLASS_COUNT], false);
+    }
+
+    /// Learns from a whole frame what the scene uses.
     pub fn learn(&mut self, parts: &[u32]) {
         if !self.is_known {
-            *self = Self { classes: std::array::from_fn(|class| parts[class] > 0), is_known: true };
+            self.used = std::array::from_fn(|class| self.used[class] || parts[class] > 0);
+            (self.classes, self.is_known) = (self.used, true);
         }
     }
 }
@@ -252,21 +259,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_wants_what_the_first_used_and_what_later_ones_need() {
+    fn frames_want_what_frames_before_used_and_all_where_that_does_not_do() {
         let only = |class: usize| std::array::from_fn::<u32, CLASS_COUNT, _>(|c| u32::from(c == class));
         let classes = |wanted: &Wanted| wanted.classes().collect::<Vec<_>>();
+        let all = Vec::from_iter(0..CLASS_COUNT);
         let mut wanted = Wanted::default();
         assert_eq!(classes(&wanted), [0, 1]);
-        assert_eq!(classes(&wanted.with_made([true; CLASS_COUNT])), [0, 1, 2, 3, 4, 5]);
-        assert!(!wanted.add(&only(1)), "it is there already");
-        assert!(wanted.add(&only(4)));
+        assert_eq!(classes(&wanted.with_made([true; CLASS_COUNT])), all);
+        assert!(wanted.suffice(&only(1)) && !wanted.suffice(&only(4)));
+        wanted.want_all();
+        assert_eq!(classes(&wanted), all);
         wanted.learn(&only(4));
         assert_eq!(classes(&wanted), [4]);
         assert_eq!(classes(&wanted.with_made([true; CLASS_COUNT])), [4], "what is made is not used");
+        assert!(wanted.suffice(&only(4)) && !wanted.suffice(&only(2)));
+        wanted.want_all();
         wanted.learn(&only(2));
-        assert_eq!(classes(&wanted), [4], "the first frame's alone");
-        assert!(wanted.add(&only(2)));
-        assert_eq!(classes(&wanted), [2, 4]);
+        assert_eq!(classes(&wanted), [2, 4], "what an earlier frame used comes again");
     }
 
     #[test]

@@ -129,8 +129,8 @@ pub enum Ended {
     /// It had too little room, and is to be done again with this.
     Needs(Room),
     NeedsFragments(u32),
-    /// It had tiles of classes that were not dispatched: so many parts of each.
-    NeedsClasses([u32; CLASS_COUNT]),
+    /// It had tiles of classes that were not dispatched.
+    NeedsClasses,
     /// Registers do not do: a pixel is deeper than any class, or a list longer than a software driver's loops.
     TooDeep,
 }
@@ -138,7 +138,7 @@ pub enum Ended {
 impl Band {
     /// Waits, and adds what the band found. The last band brings the image.
     pub fn read(self, gpu: &Gpu, found: &mut Found) -> Result<Ended> {
-        let Self { submitted, timing, had, clock, key, list_capacity, mut wanted, is_last } = self;
+        let Self { submitted, timing, had, clock, key, list_capacity, wanted, is_last } = self;
         let mut words = submitted.read(gpu)?;
         let mut waited = clock.elapsed().as_secs_f64() * 1e3;
         if timing.buffer().is_some() {
@@ -166,8 +166,8 @@ impl Band {
         if classes[CLASS_COUNT] > 0 || too_long {
             return Ok(Ended::TooDeep);
         }
-        if wanted.add(&classes) {
-            return Ok(Ended::NeedsClasses(std::array::from_fn(|class| classes[class])));
+        if !wanted.suffice(&classes) {
+            return Ok(Ended::NeedsClasses);
         }
         let listed = classes[CLASS_WORDS - 1];
         if listed > list_capacity {

@@ -81,8 +81,8 @@ impl Begun {
                 canvas.grow(&kept.gpu, room)?;
                 frame.render(canvas, kept, nothing_behind)
             }
-            Ended::NeedsClasses(parts) => {
-                kept.wanted.add(&parts);
+            Ended::NeedsClasses => {
+                kept.wanted.want_all();
                 let canvas = Canvas::new(&frame.ready, frame.leaves, frame.memory, kept)?;
                 frame.render(canvas, kept, nothing_behind)
             }
