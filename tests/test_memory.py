@@ -285,7 +285,7 @@ def free_memory():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pipeline", [CPU32, GPU], ids=str)
+@pytest.mark.parametrize("pipeline", [CPU32, GPU, GPU_TILES], ids=str)
 def test_the_largest_image_of_all(pipeline):
     """16384 × 16384: 4 GiB of image, more than any binding or buffer; three triangles over part of it."""
     needed = 10 * 2**30  # the image, and whatever a readback holds beside it

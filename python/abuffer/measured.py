@@ -17,10 +17,10 @@ FEW = 5_000
 TILES_TO_LINKED_LIST = {
     "real": {
         "device": "NVIDIA H100 80GB HBM3",
-        "image": {"few": 0.15, "many": 0.18},
-        "lists": {"few": 0.49, "many": 0.36},
-        "samples": {"few": 0.45, "many": 0.44},
-        "stored": {"few": 0.44, "many": 0.35},
+        "image": {"few": 0.30, "many": 0.25},
+        "lists": {"few": 0.47, "many": 0.38},
+        "samples": {"few": 0.47, "many": 0.44},
+        "stored": {"few": 0.45, "many": 0.40},
     },
     "software": {
         "device": "llvmpipe (LLVM 15.0.6, 256 bits)",
