@@ -47,6 +47,8 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "build/fragment_compare",
     "build/fragment_samples",
     "sums",
+    "sums_steps",
+    "sums_subgroup",
     "scan",
     "gather",
     "lists/linked",

@@ -305,8 +305,13 @@ impl Variant {
         self.reading(CHUNK, 0, &["sort/arrays", self.sort_file(), "resolve/long", "resolve/long_blocks"])
     }
 
+    /// Sums over a workgroup, beside "sums".
+    pub fn sums_file(&self) -> &'static str {
+        if self.subgroups { "sums_subgroup" } else { "sums_steps" }
+    }
+
     pub fn scan(&self) -> Result<Composed> {
-        Composed::new(self.prelude(1, 0), &["sums", "scan"])
+        Composed::new(self.prelude(1, 0), &["sums", self.sums_file(), "scan"])
     }
 
     fn sort_file(&self) -> &'static str {

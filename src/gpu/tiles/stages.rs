@@ -236,6 +236,7 @@ fn bin(variant: &Variant, classes: &[Class]) -> Result<Composed> {
         "tiles/triangle",
         "tiles/edges",
         "sums",
+        variant.sums_file(),
         "tiles/classes",
         "tiles/bin",
         "tiles/bin_chunks",
