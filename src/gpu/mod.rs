@@ -2,6 +2,7 @@
 
 mod background;
 mod buffers;
+mod compile;
 pub mod device;
 mod extent;
 mod fill;
@@ -10,6 +11,7 @@ mod kept;
 mod linked_list;
 mod lists;
 mod long;
+mod modules;
 mod passes;
 mod pipelines;
 mod plan;

@@ -1,30 +1,24 @@
 //! Triangles set up and binned for one camera.
 
-use wgpu::BufferUsages;
-
-use super::Context;
 use super::classes::{CLASS_COUNT, CLASS_WORDS, most_parts};
 use super::counted::Room;
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
-use crate::gpu::buffers::{Bound, bind, indirect, storage, with_contents};
+use crate::gpu::buffers::{indirect, storage};
 use crate::gpu::device::Gpu;
 use crate::gpu::kept::Kept;
 use crate::gpu::readback::copied;
 use crate::gpu::resolve::TILE;
-use crate::gpu::uniforms::{Eye, Grid, Window};
-use crate::gpu::upload::Uploaded;
+use crate::gpu::uniforms::Grid;
 use crate::gpu::variant::ColorsOf;
 
 /// Invocations of a workgroup, and triangles of a block (BLOCK in shaders/tiles/bin.wgsl).
-const BLOCK: u32 = 256;
+pub const BLOCK: u32 = 256;
 /// Fewer triangles come in smaller blocks, of which several invocations share each.
 const FEW: u32 = 1 << 14;
 const FEW_BLOCK: u32 = 32;
 /// Chunks that triangles are counted in, about: one workgroup each.
 const CHUNKS: u32 = 1024;
-/// Workgroups that clip, of 64 invocations.
-const CLIP_GROUPS: u32 = 16;
 /// Words of `Counters`, bytes of `Raster`, `KeyPlane`, a slope and a piece (shaders/tiles/triangle.wgsl).
 const COUNTER_WORDS: u64 = 10;
 const RASTER_BYTES: u64 = 32;
@@ -62,12 +56,12 @@ pub struct Bins {
     pub parts: wgpu::Buffer,
     pub classes: wgpu::Buffer,
     pub groups: [wgpu::Buffer; CLASS_COUNT + 1],
-    clip_list: wgpu::Buffer,
-    counters: wgpu::Buffer,
-    matrix: wgpu::Buffer,
-    bins: wgpu::Buffer,
-    bin_entries: wgpu::Buffer,
-    piece_capacity: u32,
+    pub clip_list: wgpu::Buffer,
+    pub counters: wgpu::Buffer,
+    pub matrix: wgpu::Buffer,
+    pub bins: wgpu::Buffer,
+    pub bin_entries: wgpu::Buffer,
+    pub piece_capacity: u32,
 }
 
 /// Of a band: three demands of room, one of classes, and as many halvings as a row has bits.
@@ -199,116 +193,6 @@ impl Bins {
         ];
         let bins = [&self.matrix, &self.bins, &self.bin_entries, &self.tiles, &self.tile_entries];
         [("setup", size(&setup)), ("bins", size(&bins))]
-    }
-
-    /// Sets up and bins all triangles. `eye` gets what only this knows.
-    pub fn encode(
-        &self,
-        of: Context,
-        scene: &Uploaded,
-        eye: Eye,
-        pass: &mut wgpu::ComputePass,
-    ) -> Result<()> {
-        let (gpu, view, stages) = (of.gpu, of.view, of.stages());
-        let eye = Eye { triangles: self.grid.triangles, piece_capacity: self.piece_capacity, ..eye };
-        let eye = with_contents(gpu, "eye", BufferUsages::UNIFORM, &[eye]);
-        let grid = with_contents(gpu, "grid", BufferUsages::UNIFORM, &[self.grid]);
-        let (setup, bin) = (stages.setup(gpu, of.variant())?, stages.bin(gpu, of.variant())?);
-        let setup_group = bind(
-            gpu,
-            "tile setup",
-            &stages.setup_layout,
-            &[
-                view.into(),
-                (&eye).into(),
-                (&scene.positions).into(),
-                (&scene.position_rests).into(),
-                (&scene.faces).into(),
-                (&scene.mesh_ids).into(),
-                (&scene.meshes).into(),
-                (&self.rasters).into(),
-                (&self.key_planes).into(),
-                (&self.slopes).into(),
-                (&self.pieces).into(),
-                (&self.clip_list).into(),
-                (&self.counters).into(),
-                (&self.boxes).into(),
-                (&self.color_starts).into(),
-                (&self.classes).into(),
-            ],
-        );
-        let bin_group = bind(
-            gpu,
-            "tile binning",
-            &stages.bin_layout,
-            &[
-                view.into(),
-                (&grid).into(),
-                (&self.rasters).into(),
-                (&self.pieces).into(),
-                (&self.boxes).into(),
-                (&self.counters).into(),
-                (&self.matrix).into(),
-                (&self.bins).into(),
-                (&self.bin_entries).into(),
-                (&self.tiles).into(),
-                (&self.tile_entries).into(),
-                (&self.classes).into(),
-                (&self.parts).into(),
-            ],
-        );
-        let groups = self.groups[..CLASS_COUNT].iter();
-        let slots: Vec<Bound> = [&self.classes].into_iter().chain(groups).map(Into::into).collect();
-        let start_group = bind(gpu, "start", &stages.start_layout, &slots);
-        let Grid { triangles, bins_x, bins_y, chunks, .. } = self.grid;
-        pass.set_bind_group(0, &setup_group, &[]);
-        pass.set_pipeline(&setup.clear);
-        pass.dispatch_workgroups(1, 1, 1);
-        pass.set_pipeline(&setup.setup);
-        let groups = triangles.div_ceil(BLOCK);
-        let x = groups.clamp(1, gpu.limits.max_compute_workgroups_per_dimension);
-        pass.dispatch_workgroups(x, groups.div_ceil(x), 1);
-        pass.set_pipeline(&setup.clip);
-        pass.dispatch_workgroups(CLIP_GROUPS, 1, 1);
-        pass.set_bind_group(0, &bin_group, &[]);
-        for (pipeline, groups) in [
-            (&bin.count_bins, chunks),
-            (&bin.offsets, bins_x * bins_y),
-            (&bin.scatter_bins, chunks),
-            (&bin.bin_tiles, bins_x * bins_y),
-        ] {
-            pass.set_pipeline(pipeline);
-            pass.dispatch_workgroups(groups, 1, 1);
-        }
-        pass.set_pipeline(&bin.start);
-        pass.set_bind_group(0, &start_group, &[]);
-        pass.dispatch_workgroups(1, 1, 1);
-        Ok(())
-    }
-
-    /// The part of the tiles' lists that a dispatch walks.
-    pub fn window(&self, first: u32, count: u32) -> Window {
-        let Grid { tiles_x, parts, first_row, .. } = self.grid;
-        Window { first, count, tiles_x, parts, first_row, list_capacity: 0, pad0: 0, pad1: 0 }
-    }
-
-    /// What walks over tiles bind as group 0.
-    pub fn walk_group(&self, of: Context, scene: &Uploaded, window: &wgpu::Buffer) -> wgpu::BindGroup {
-        let slots = [
-            of.view.into(),
-            window.into(),
-            (&self.rasters).into(),
-            (&self.key_planes).into(),
-            (&self.slopes).into(),
-            (&self.pieces).into(),
-            (&scene.faces).into(),
-            (&scene.colors).into(),
-            (&self.tiles).into(),
-            (&self.tile_entries).into(),
-            (&self.boxes).into(),
-            (&self.color_starts).into(),
-        ];
-        bind(of.gpu, "tile walk", &of.stages().walk_layout, &slots)
     }
 
     /// Copies what was counted to where the host can read it.

@@ -1,6 +1,7 @@
 //! The `tiles` pipeline's rasteriser: triangles are set up and binned to 16×16 tiles by compute shaders, and a workgroup
 //! walks a tile's triangles with an invocation a pixel.
 
+mod binning;
 mod bins;
 mod canvas;
 mod classes;
