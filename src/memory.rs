@@ -1,5 +1,7 @@
 //! Memory that the system may not have.
 
+pub mod recycled;
+
 use bytemuck::Zeroable;
 use bytemuck::allocation::try_zeroed_vec;
 

@@ -17,7 +17,7 @@ pub trait Real:
     + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
-    + bytemuck::Zeroable
+    + bytemuck::Pod
     + 'static
 {
     type Key: Copy + Ord + Send + Sync + Default + bytemuck::Zeroable + std::fmt::Debug + 'static;

@@ -27,7 +27,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::{Background, Extras, Fragments};
 use crate::frame::{Lists, Output, Request, Stats};
-use crate::memory::{allocate, out_of_memory, reserve};
+use crate::memory::{allocate, out_of_memory, recycled};
 use crate::real::Real;
 use crate::resolve::Resolve;
 use crate::samples::pattern;
@@ -155,7 +155,7 @@ fn render_listed<T: Precision, L: Listed<T>>(
     let rules = Rules { resolve, limit: request.limit };
     let wants_lists = matches!(request.lists, Lists::Translucent | Lists::All);
     let each = request.image_samples();
-    let mut image = reserve("the image", pixels * each)?;
+    let mut image = recycled::room("the image", pixels * each)?;
     let unwritten = &mut image.spare_capacity_mut()[..pixels * each];
     if cfg!(debug_assertions) {
         unwritten.fill(MaybeUninit::new([T::NAN; 4])); // a pixel that no tile writes would show

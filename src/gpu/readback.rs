@@ -8,22 +8,30 @@ use rayon::prelude::*;
 use super::buffers::readable;
 use super::device::Gpu;
 use crate::error::{Error, Result};
+use crate::memory::recycled;
 use crate::threads::threads;
 
 /// Bytes that one thread copies at a time.
 const PART: usize = 1 << 20;
 
-/// A buffer's bytes, as words, in pages that several threads touch first: half of the time goes there.
+/// A buffer's bytes, as words, in pages that the process has, or that several threads touch first: half of the time goes
+/// there.
 fn copy_of(bytes: &[u8]) -> Result<Vec<u32>> {
     if bytes.len() <= PART {
         return Ok(bytemuck::pod_collect_to_vec(bytes));
     }
-    let mut words = vec![0_u32; bytes.len() / 4];
+    let n = bytes.len() / 4;
+    let mut words = recycled::room::<u32>("what a device returns", n)?;
+    let unwritten = &mut words.spare_capacity_mut()[..n];
     threads()?.install(|| {
-        words.par_chunks_mut(PART / 4).zip(bytes.par_chunks(PART)).for_each(|(to, from)| {
-            bytemuck::cast_slice_mut::<u32, u8>(to).copy_from_slice(from);
+        unwritten.par_chunks_mut(PART / 4).zip(bytes.par_chunks(PART)).for_each(|(to, from)| {
+            for (word, bytes) in to.iter_mut().zip(from.chunks_exact(4)) {
+                word.write(u32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
+            }
         });
     });
+    // SAFETY: there is room for as many, and each has been written.
+    unsafe { words.set_len(n) };
     Ok(words)
 }
 

@@ -1,12 +1,44 @@
 //! What Python gets back: a dict of arrays, and of what was measured.
 
-use numpy::{Element, IntoPyArray, PyArrayMethods};
+use bytemuck::Pod;
+use bytemuck::allocation::try_cast_vec;
+use numpy::ndarray::{ArrayViewD, IxDyn};
+use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::fragments::Fragments;
 use crate::frame::{MsaaResolve, Output, Request, Stats};
+use crate::memory::recycled;
 use crate::real::Real;
+
+/// What an image's array lies in: the next image may have it, once no array is left.
+#[pyclass(frozen)]
+struct Pixels(Vec<u32>);
+
+impl Drop for Pixels {
+    fn drop(&mut self) {
+        recycled::give(std::mem::take(&mut self.0));
+    }
+}
+
+/// An array of all of `values`, whose memory is used again where its alignment is that of most images.
+fn array_of<'py, T: Pod + Element>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let words = match try_cast_vec(values) {
+        Ok(words) => words,
+        Err((_, values)) => return values.into_pyarray(py).reshape(shape),
+    };
+    let pixels = Bound::new(py, Pixels(words))?;
+    let view = ArrayViewD::from_shape(IxDyn(shape), bytemuck::cast_slice(&pixels.get().0))
+        .map_err(|e| PyErr::new::<pyo3::exceptions::PyValueError, _>(e.to_string()))?;
+    // SAFETY: the words stay where they are until `pixels` is dropped, which the array holds: it is frozen, and nothing
+    // else has them.
+    Ok(unsafe { PyArrayDyn::borrow_from_array(&view, pixels.clone().into_any()) })
+}
 
 pub fn to_dict<'py, T>(py: Python<'py>, output: Output<T>, request: &Request) -> PyResult<Bound<'py, PyDict>>
 where
@@ -16,12 +48,9 @@ where
     let (h, w) = (request.height as usize, request.width as usize);
     let dict = PyDict::new(py);
     // (H, W, 4), or (H, W, S, 4) where there is a colour a sample.
-    let rgba = |pixels: Vec<[T; 4]>, samples: Option<usize>| -> PyResult<Bound<'py, PyAny>> {
-        let flat = pixels.into_flattened().into_pyarray(py);
-        Ok(match samples {
-            Some(samples) => flat.reshape([h, w, samples, 4])?.into_any(),
-            None => flat.reshape([h, w, 4])?.into_any(),
-        })
+    let rgba = |pixels: Vec<[T; 4]>, samples: Option<usize>| match samples {
+        Some(samples) => array_of(py, pixels.into_flattened(), &[h, w, samples, 4]),
+        None => array_of(py, pixels.into_flattened(), &[h, w, 4]),
     };
     let apart = (request.msaa_resolve == MsaaResolve::None).then(|| request.image_samples());
     dict.set_item("image", rgba(output.image, apart)?)?;
