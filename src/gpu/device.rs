@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pollster::block_on;
 
 use super::pipelines::{COLOR_FORMAT, COVERAGE_FORMAT, DEPTH_FORMAT, Pipelines};
-use super::readback::Staging;
+use super::readback::{Staging, staging};
 use super::variant::Variant;
 use crate::error::{Error, Result};
 use crate::samples::COUNTS;
@@ -225,7 +225,7 @@ impl Gpu {
             queue,
             features,
             limits,
-            staging: Staging::default(),
+            staging: staging(),
             pipelines: Mutex::new(HashMap::new()),
             lost,
             busy: Mutex::new(()),

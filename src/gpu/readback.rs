@@ -1,14 +1,14 @@
 //! Submissions, and what comes back from them: the host may prepare the next while a device works on one.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
 use super::buffers::readable;
 use super::device::Gpu;
 use crate::error::{Error, Result};
-use crate::memory::recycled;
+use crate::memory::recycled::{self, Waiting};
 use crate::threads::threads;
 
 /// Bytes that one thread copies at a time.
@@ -36,28 +36,14 @@ fn copy_of(bytes: &[u8]) -> Result<Vec<u32>> {
 }
 
 /// Buffers that the host has read, for the next copies: making one takes the system as long as filling it.
-#[derive(Default)]
-pub struct Staging(Mutex<Vec<wgpu::Buffer>>);
+pub type Staging = Waiting<wgpu::Buffer>;
 
 /// Of all that wait.
 const MOST_STAGED: u64 = 512 << 20;
 const MOST_BUFFERS: usize = 16;
 
-impl Staging {
-    /// One that is not much larger.
-    fn take(&self, bytes: u64) -> Option<wgpu::Buffer> {
-        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let i = all.iter().position(|b| (bytes..=bytes + bytes / 4).contains(&b.size()))?;
-        Some(all.remove(i))
-    }
-
-    fn put(&self, buffer: wgpu::Buffer) {
-        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        all.push(buffer);
-        while all.len() > MOST_BUFFERS || all.iter().map(wgpu::Buffer::size).sum::<u64>() > MOST_STAGED {
-            all.remove(0); // the oldest
-        }
-    }
+pub fn staging() -> Staging {
+    Waiting::new(wgpu::Buffer::size, MOST_STAGED, MOST_BUFFERS)
 }
 
 /// A copy of a buffer's beginning that the host can read, which may be a little longer.
