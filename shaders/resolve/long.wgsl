@@ -29,6 +29,11 @@ struct LongSample {
 
 const NONE = 0xffffffffu;
 
+// Entries of a list with what fills its last chunk.
+fn padded(count: u32) -> u32 {
+    return (count + CHUNK - 1u) / CHUNK * CHUNK;
+}
+
 @group(1) @binding(0) var<storage, read_write> long: array<LongPixel>;
 @group(1) @binding(1) var<storage, read_write> unfinished: atomic<u32>;
 // Node indices, ping and pong.
@@ -95,8 +100,7 @@ fn cs_gather(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
         atomicStore(&unfinished, 1u);
         return;
     }
-    let padded = (count + CHUNK - 1u) / CHUNK * CHUNK;
-    for (var k = count; k < padded; k++) {
+    for (var k = count; k < padded(count); k++) {
         from_entries[first + k] = NONE;
     }
 }
@@ -179,13 +183,13 @@ fn cs_merge(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
     }
     let owner = chunk_owner[chunk];
     let first = long[owner].first;
-    let padded = (long[owner].count + CHUNK - 1u) / CHUNK * CHUNK;
+    let all = padded(long[owner].count);
     let output = chunk * CHUNK - first;
     let base = output / (2u * current.width) * (2u * current.width);
     let left = first + base;
-    let left_count = min(current.width, padded - base);
+    let left_count = min(current.width, all - base);
     let right = left + left_count;
-    let right_count = min(current.width, padded - base - left_count);
+    let right_count = min(current.width, all - base - left_count);
     // How many of the outputs before this chunk come from the left run.
     let diagonal = output - base;
     var low = diagonal - min(diagonal, right_count);

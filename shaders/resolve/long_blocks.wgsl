@@ -43,8 +43,7 @@ fn cs_sort_blocks(
     let first = block_starts[block] * CHUNK;
     if local == 0u {
         let own = long[chunk_owner[block_starts[block]]];
-        let padded = (own.count + CHUNK - 1u) / CHUNK * CHUNK;
-        block_count = min(own.first + padded - first, LONG_BLOCK);
+        block_count = min(own.first + padded(own.count) - first, LONG_BLOCK);
     }
     let n = workgroupUniformLoad(&block_count);
     for (var i = local; i < n; i += INVOCATIONS) {

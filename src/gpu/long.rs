@@ -11,7 +11,7 @@ use super::readback::copied;
 use super::timing::Timing;
 use super::uniforms::{LongPixel, LongSample, Round};
 use crate::error::{Error, Result};
-use crate::frame::{LimitPolicy, Sort, Stats};
+use crate::frame::{LimitPolicy, Stats};
 use crate::shader::{CHUNK, LONG_BLOCK};
 
 /// Invocations of a workgroup in all of these stages but the sort of blocks.
@@ -188,20 +188,12 @@ impl<'a> Sorter<'a> {
             by_order,
             ..Dispatch::new(pipeline, self.chunk_count)
         };
-        let in_blocks = match self.frame.pipelines.variant.sort {
-            Sort::Bitonic => true,
-            // A software driver takes up to ten times as long over them: a barrier there is a switch of all invocations.
-            Sort::Auto => !self.frame.gpu.adapter.is_software(),
-            _ => false,
-        };
-        let mut width = if in_blocks {
-            let invocations = self.block_count * WORKGROUP;
-            rounds.push(Dispatch { invocations, ..of(&self.stages.sort_blocks, source, 0) });
-            LONG_BLOCK
+        let (invocations, mut width) = if self.stages.in_blocks {
+            (self.block_count * WORKGROUP, LONG_BLOCK)
         } else {
-            rounds.push(of(&self.stages.sort_chunks, source, 0));
-            CHUNK
+            (self.chunk_count, CHUNK)
         };
+        rounds.push(Dispatch { invocations, ..of(&self.stages.sort_runs, source, 0) });
         while width < self.longest {
             rounds.push(of(&self.stages.merge, source, width));
             source = 1 - source;

@@ -10,6 +10,7 @@ use super::device::Gpu;
 use super::tiles::Stages;
 use super::variant::{BuildStage, Variant};
 use crate::error::Result;
+use crate::frame::Sort;
 
 pub const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 pub const COLOR_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
@@ -64,8 +65,9 @@ pub struct Classify {
 pub struct Long {
     pub begin: wgpu::ComputePipeline,
     pub gather: wgpu::ComputePipeline,
-    pub sort_chunks: wgpu::ComputePipeline,
-    pub sort_blocks: wgpu::ComputePipeline,
+    /// Of blocks, by a workgroup each, or of chunks, by an invocation each.
+    pub sort_runs: wgpu::ComputePipeline,
+    pub in_blocks: bool,
     pub merge: wgpu::ComputePipeline,
     pub limit: wgpu::ComputePipeline,
     pub truncate: wgpu::ComputePipeline,
@@ -237,11 +239,22 @@ impl Pipelines {
             let module = compile(gpu, "long", &self.variant.long()?)?;
             let groups = [&self.layouts.read, &self.layouts.long];
             let of = |entry: &str| compute(gpu, &module, entry, &groups);
+            let in_blocks = match self.variant.sort {
+                Sort::Bitonic => true,
+                // A software driver takes up to ten times as long over them: a barrier there is a switch of all
+                // invocations.
+                Sort::Auto => !gpu.adapter.is_software(),
+                _ => false,
+            };
             Ok(Long {
                 begin: of("cs_begin"),
                 gather: of("cs_gather"),
-                sort_chunks: of("cs_sort_chunks"),
-                sort_blocks: compute_uncleared(gpu, &module, "cs_sort_blocks", &groups),
+                sort_runs: if in_blocks {
+                    compute_uncleared(gpu, &module, "cs_sort_blocks", &groups)
+                } else {
+                    of("cs_sort_chunks")
+                },
+                in_blocks,
                 merge: of("cs_merge"),
                 limit: of("cs_limit"),
                 truncate: of("cs_truncate"),
