@@ -6,7 +6,6 @@ var<workgroup> filled: array<atomic<u32>, THREADS>;
 // Of pixel p, two places to a word, a word of all pixels after the other.
 var<workgroup> places: array<atomic<u32>, ENTRIES / 2u>;
 
-var<private> tile_first: u32;
 var<private> own_pixel: u32;
 
 const ROWS = i32(THREADS) / TILE;
@@ -58,12 +57,4 @@ fn leave(t: u32, block: vec2u, first: vec2i) {
 
 fn take(i: u32) -> u32 {
     return (atomicLoad(&places[(i / 2u) * THREADS + own_pixel]) >> (16u * (i % 2u))) & 0xffffu;
-}
-
-fn id_of_place(t: u32) -> u32 {
-    return tile_entries[tile_first + t];
-}
-
-fn value_of_place(t: u32, at: vec2f) -> f32 {
-    return value_at(key_planes[id_of_place(t)], at);
 }

@@ -9,7 +9,6 @@ var<workgroup> heads: array<atomic<u32>, THREADS>;
 var<workgroup> nodes: array<u32, ENTRIES>;
 var<workgroup> used: atomic<u32>;
 
-var<private> tile_first: u32;
 // The node that is taken next.
 var<private> next_node: u32;
 
@@ -68,12 +67,4 @@ fn take(i: u32) -> u32 {
     let node = nodes[min(next_node, ENTRIES - 1u)];
     next_node = node >> 16u;
     return node & 0xffffu;
-}
-
-fn id_of_place(t: u32) -> u32 {
-    return tile_entries[tile_first + t];
-}
-
-fn value_of_place(t: u32, at: vec2f) -> f32 {
-    return value_at(key_planes[id_of_place(t)], at);
 }

@@ -66,7 +66,7 @@ impl Class {
                 let powers = self.sizes().into_iter().filter(|n| n.is_power_of_two());
                 Some(sort_taken(&powers.collect::<Vec<_>>(), 16))
             }
-            Gather::Staged => None, // loops: tiles/sort_staged.wgsl
+            Gather::Staged => None, // loops: tiles/composite_staged.wgsl
         }
     }
 

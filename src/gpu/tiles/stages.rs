@@ -273,9 +273,11 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
         "methods/exact",
     ];
     match own.gather {
-        Gather::Triangles | Gather::Deep => files.extend(["tiles/block", "tiles/composite_taken"]),
+        Gather::Triangles | Gather::Deep => {
+            files.extend(["tiles/block", "tiles/places", "tiles/composite_taken"])
+        }
         Gather::Masks => files.push("tiles/composite_taken"),
-        Gather::Staged => files.extend(["tiles/composite_staged", "tiles/sort_staged"]),
+        Gather::Staged => files.push("tiles/composite_staged"),
     }
     let mut composed = text(variant, &files)?;
     if let Some(sort) = own.sort() {
