@@ -337,7 +337,7 @@ def test_without_a_forced_early_depth_test_the_shader_compares_depths(tmp_path, 
         triangles, colors = scenes.random_triangles(200, 0.5, seed=3)
         wall = ab.Mesh(scenes.covering()[0], opaque=True)
         frame = ab.render([wall, ab.Mesh(triangles, colors=colors)], ab.Camera(*scenes.front_camera()),
-                          width=48, height=48, device="gpu", fragments=True)
+                          width=48, height=48, device="gpu", pipeline="linked_list", fragments=True)
         np.savez(sys.argv[1], image=frame.image, key=frame.fragments.key)
         print(sorted(frame.stats.ms))
     """

@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use rayon::prelude::*;
 use wgpu::{ShaderStages, TextureFormat};
 
 use super::buffers::{Slot, layout};
@@ -11,6 +12,7 @@ use super::tiles::Stages;
 use super::variant::{BuildStage, Variant};
 use crate::error::Result;
 use crate::frame::Sort;
+use crate::threads::threads;
 
 pub const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 pub const COLOR_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
@@ -192,6 +194,23 @@ impl Pipelines {
             let of = |entry: &str| compute(gpu, &module, entry, &groups);
             Ok(Classify { classify: of("cs_classify"), plan: of("cs_plan"), place: of("cs_place") })
         })
+    }
+
+    /// Makes the pipelines of those classes side by side: a driver may take seconds for each.
+    pub fn prepare_classes(&self, gpu: &Gpu, classes: &[usize]) -> Result<()> {
+        let is_made = |class: usize| match self.variant.fullscreen {
+            true => self.fullscreen[class].get().is_some(),
+            false => self.classes[class].get().is_some(),
+        };
+        let missing: Vec<_> = classes.iter().copied().filter(|&class| !is_made(class)).collect();
+        if missing.is_empty() {
+            return Ok(()); // no thread need wake
+        }
+        let make = |class| match self.variant.fullscreen {
+            true => self.fullscreen(gpu, class).map(drop),
+            false => self.class(gpu, class).map(drop),
+        };
+        threads()?.install(|| missing.into_par_iter().try_for_each(make))
     }
 
     pub fn class(&self, gpu: &Gpu, class: usize) -> Result<&wgpu::ComputePipeline> {

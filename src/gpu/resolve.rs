@@ -137,7 +137,9 @@ pub fn encode_classes(
         &layouts.class,
         &[(&pool.classes).into(), (&pool.class_pixels).into(), (&pool.sample_colors).into()],
     );
-    for class in (0..variant.classes.len()).filter(|&class| found.totals[class] > 0) {
+    let classes: Vec<_> = (0..variant.classes.len()).filter(|&class| found.totals[class] > 0).collect();
+    pipelines.prepare_classes(gpu, &classes)?;
+    for class in classes {
         let name = format!("resolve {}", class_name(variant, class));
         if variant.fullscreen {
             let pipeline = pipelines.fullscreen(gpu, class)?;
