@@ -86,6 +86,7 @@ fn soup(size: f32) -> (Vec<[f32; 3]>, Vec<[f32; 4]>) {
 
 fn request(samples: u32) -> Request {
     Request {
+        method: abuffer::methods::Method::Exact,
         width: SIZE,
         height: SIZE,
         lists: Lists::Translucent,

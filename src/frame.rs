@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::fragments::{Background, Fragments};
+use crate::methods::Method;
 use crate::node_format::NodeFormat;
 use crate::real::Real;
 use crate::samples::check_samples;
@@ -63,6 +64,7 @@ pub enum BlendOrder {
 
 #[derive(Debug, Clone)]
 pub struct Request {
+    pub method: Method,
     pub width: u32,
     pub height: u32,
     pub lists: Lists,
@@ -121,7 +123,10 @@ pub struct Stats {
     pub fragments: u64,
     pub max_depth_complexity: Option<u32>,
     pub rejected_triangles: u64,
+    /// Beyond a limit, or those that a bounded method neither composites nor merges.
     pub dropped_fragments: u64,
+    /// Those that a bounded method composites together with others.
+    pub merged_fragments: u64,
     /// Parts that the image was rendered in to stay within memory.
     pub bands: usize,
     pub bytes: Vec<(&'static str, u64)>,
@@ -137,6 +142,15 @@ impl Stats {
     /// Records the wall time of a stage that began at `start`.
     pub fn stage(&mut self, name: &'static str, start: Instant) {
         self.add(name, start.elapsed().as_secs_f64() * 1e3);
+    }
+
+    /// Notes fragments that a bounded method left out.
+    pub fn leave_out(&mut self, method: &Method, fragments: u64) {
+        if method.drops() {
+            self.dropped_fragments += fragments;
+        } else {
+            self.merged_fragments += fragments;
+        }
     }
 
     /// Adds to the time of a stage.

@@ -48,6 +48,12 @@ pub trait Real:
     /// self · b + c, of what is not promised to the bit: with feature `fma`, rounded once.
     fn times_plus(self, b: Self, c: Self) -> Self;
     fn abs(self) -> Self;
+    fn sqrt(self) -> Self;
+    fn exp(self) -> Self;
+    fn exp_m1(self) -> Self;
+    fn ln(self) -> Self;
+    fn ln_1p(self) -> Self;
+    fn sin_cos(self) -> (Self, Self);
     /// The power of two that brings a positive value into [1, 2), as far as it is a normal number itself.
     fn inverse_binade(self) -> Self;
 
@@ -116,6 +122,30 @@ macro_rules! impl_real {
             #[inline]
             fn abs(self) -> Self {
                 <$float>::abs(self)
+            }
+            #[inline]
+            fn sqrt(self) -> Self {
+                <$float>::sqrt(self)
+            }
+            #[inline]
+            fn exp(self) -> Self {
+                <$float>::exp(self)
+            }
+            #[inline]
+            fn exp_m1(self) -> Self {
+                <$float>::exp_m1(self)
+            }
+            #[inline]
+            fn ln(self) -> Self {
+                <$float>::ln(self)
+            }
+            #[inline]
+            fn ln_1p(self) -> Self {
+                <$float>::ln_1p(self)
+            }
+            #[inline]
+            fn sin_cos(self) -> (Self, Self) {
+                <$float>::sin_cos(self)
             }
             #[inline]
             fn inverse_binade(self) -> Self {

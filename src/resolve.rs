@@ -3,16 +3,15 @@
 
 use crate::blend::{self, MODES, onto, premultiplied};
 use crate::frame::{BlendOrder, MsaaResolve, Request, Stats};
-use crate::methods::exact;
+use crate::methods::{self, Method, Order, Place, exact};
 use crate::real::Real;
 use crate::samples::MAX_SAMPLES;
 use crate::scene::Scene;
 
 /// What a resolve sees of a fragment.
 #[derive(Debug, Clone, Copy)]
-pub struct Fragment<T> {
-    /// Straight RGBA.
-    pub color: [T; 4],
+pub struct Fragment<T: Real> {
+    pub own: methods::Fragment<T>,
     /// An id of `blend::MODES`.
     pub mode: u8,
     /// Bit s: sample s is covered.
@@ -20,8 +19,9 @@ pub struct Fragment<T> {
 }
 
 /// How fragments become colours.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Resolve {
+    pub method: Method,
     pub samples: u32,
     pub msaa: MsaaResolve,
     /// Some fragment is blended otherwise than `over`.
@@ -32,7 +32,7 @@ pub struct Resolve {
 }
 
 /// One sample's colour on its way, in one direction through the list.
-trait Blender<T>: Copy {
+trait Blender<T: Real>: Copy {
     const BACK_TO_FRONT: bool;
     fn begin(behind: [T; 4]) -> Self;
     fn add(&mut self, fragment: &Fragment<T>);
@@ -49,7 +49,7 @@ impl<T: Real> Blender<T> for exact::State<T> {
     }
     #[inline]
     fn add(&mut self, fragment: &Fragment<T>) {
-        self.insert(fragment.color);
+        self.insert(fragment.own.color);
     }
     #[inline]
     fn is_done(&self, least: T) -> bool {
@@ -67,7 +67,7 @@ impl<T: Real> Blender<T> for blend::State<T> {
         Self::begin()
     }
     fn add(&mut self, fragment: &Fragment<T>) {
-        self.insert(fragment.mode, fragment.color);
+        self.insert(fragment.mode, fragment.own.color);
     }
     fn is_done(&self, _: T) -> bool {
         self.is_saturated() // additive adds without end: no transmittance but 0 bounds what is to come
@@ -87,7 +87,7 @@ impl<T: Real> Blender<T> for Destination<T> {
         Self(premultiplied(behind))
     }
     fn add(&mut self, fragment: &Fragment<T>) {
-        self.0 = onto(self.0, fragment.mode, fragment.color);
+        self.0 = onto(self.0, fragment.mode, fragment.own.color);
     }
     fn is_done(&self, _: T) -> bool {
         false
@@ -100,6 +100,7 @@ impl<T: Real> Blender<T> for Destination<T> {
 impl Resolve {
     pub fn of(request: &Request, scene: &Scene) -> Self {
         Self {
+            method: request.method.clone(),
             samples: request.samples,
             msaa: request.msaa_resolve,
             mixes: scene.mixes_modes(),
@@ -128,20 +129,56 @@ impl Resolve {
         stats.choose("direction", direction, why);
     }
 
-    /// Resolves `n` fragments, the first in front, over the straight colour `behind` each sample. Calls `write`
-    /// with the premultiplied colour of the pixel, or of each of its samples where those are asked for.
+    /// The order that `pixel` takes fragments in.
+    pub fn takes(&self) -> Order {
+        self.method.order()
+    }
+
+    /// Resolves `n` fragments, in the order that is asked for, over the straight colour `behind` each sample. Calls
+    /// `write` with the premultiplied colour of the pixel at (x, y), or of each of its samples where those are asked
+    /// for. Returns how many of them a bounded method merged or dropped: of several samples, the one with most.
     #[inline]
     pub fn pixel<T: Real>(
         &self,
+        (x, y): (u32, u32),
         n: usize,
         fragment: impl Fn(usize) -> Fragment<T>,
         behind: impl Fn(usize) -> [T; 4],
         write: impl FnMut(usize, [T; 4]),
-    ) {
-        match (self.order, self.mixes) {
-            (BlendOrder::BackToFront, _) => self.run::<T, Destination<T>>(n, fragment, behind, write),
-            (BlendOrder::FrontToBack, true) => self.run::<T, blend::State<T>>(n, fragment, behind, write),
-            (BlendOrder::FrontToBack, false) => self.run::<T, exact::State<T>>(n, fragment, behind, write),
+    ) -> u32 {
+        if self.method.is_exact() {
+            match (self.order, self.mixes) {
+                (BlendOrder::BackToFront, _) => self.run::<T, Destination<T>>(n, fragment, behind, write),
+                (BlendOrder::FrontToBack, true) => self.run::<T, blend::State<T>>(n, fragment, behind, write),
+                (BlendOrder::FrontToBack, false) => {
+                    self.run::<T, exact::State<T>>(n, fragment, behind, write)
+                }
+            }
+            return 0;
+        }
+        let mut most = 0;
+        let mut colors = [[T::ZERO; 4]; MAX_SAMPLES];
+        let samples = self.samples as usize;
+        for (sample, color) in colors[..samples].iter_mut().enumerate() {
+            let covering = (0..n).map(&fragment).filter(|f| f.coverage >> sample & 1 == 1).map(|f| f.own);
+            let place = Place { x, y, sample: sample as u32 };
+            if let Some((own, left_out)) = self.method.streamed(place, covering, behind(sample)) {
+                *color = own;
+                most = most.max(left_out);
+            }
+        }
+        self.write_samples(&colors[..samples], write);
+        most
+    }
+
+    fn write_samples<T: Real>(&self, colors: &[[T; 4]], mut write: impl FnMut(usize, [T; 4])) {
+        match (self.msaa, colors) {
+            (MsaaResolve::None, _) => colors.iter().enumerate().for_each(|(s, color)| write(s, *color)),
+            (_, [one]) => write(0, *one),
+            (MsaaResolve::Hdr, _) => write(0, weighted_mean(colors, hdr_weight)),
+            (MsaaResolve::PerSample | MsaaResolve::PerPixel, _) => {
+                write(0, weighted_mean(colors, |_| T::ONE))
+            }
         }
     }
 
@@ -182,13 +219,7 @@ impl Resolve {
                 colors[s] = states[s].end(behind(s));
             }
         }
-        match self.msaa {
-            MsaaResolve::None => (0..samples).for_each(|s| write(s, colors[s])),
-            MsaaResolve::Hdr => write(0, weighted_mean(&colors[..samples], hdr_weight)),
-            MsaaResolve::PerSample | MsaaResolve::PerPixel => {
-                write(0, weighted_mean(&colors[..samples], |_| T::ONE))
-            }
-        }
+        self.write_samples(&colors[..samples], write);
     }
 }
 
@@ -233,18 +264,30 @@ mod tests {
     use super::*;
 
     fn resolve(samples: u32, msaa: MsaaResolve) -> Resolve {
-        Resolve { samples, msaa, mixes: false, order: BlendOrder::FrontToBack, least_transmittance: 0.0 }
+        Resolve {
+            method: Method::Exact,
+            samples,
+            msaa,
+            mixes: false,
+            order: BlendOrder::FrontToBack,
+            least_transmittance: 0.0,
+        }
+    }
+
+    fn fragment(color: [f64; 4], mode: u8, coverage: u32) -> Fragment<f64> {
+        let own = methods::Fragment { color, depth: 1.0, order: 0, primitive: 0 };
+        Fragment { own, mode, coverage }
     }
 
     fn image(resolve: Resolve, fragments: &[Fragment<f64>]) -> Vec<[f64; 4]> {
         let mut out = Vec::new();
-        resolve.pixel(fragments.len(), |i| fragments[i], |_| [0.0; 4], |_, rgba| out.push(rgba));
+        resolve.pixel((0, 0), fragments.len(), |i| fragments[i], |_| [0.0; 4], |_, rgba| out.push(rgba));
         out
     }
 
     #[test]
     fn two_halves_of_a_pixel_give_alpha_and_not_alpha_scaled_by_popcount() {
-        let half = |coverage| Fragment { color: [1.0, 1.0, 1.0, 0.6], mode: 0, coverage };
+        let half = |coverage| fragment([1.0, 1.0, 1.0, 0.6], 0, coverage);
         let seam = [half(0b0011), half(0b1100)];
         for msaa in [MsaaResolve::PerSample, MsaaResolve::PerPixel] {
             assert!((image(resolve(4, msaa), &seam)[0][3] - 0.6).abs() < 1e-15);
@@ -257,10 +300,12 @@ mod tests {
     #[test]
     fn both_resolves_give_the_same_bits_and_samples_average_to_them() {
         let fragments: Vec<_> = (1..12_u32)
-            .map(|i| Fragment {
-                color: [0.1 * f64::from(i), 0.5, 0.9 / f64::from(i), 0.3],
-                mode: (i % 5) as u8,
-                coverage: i.wrapping_mul(2654435761) >> 7 & 0xff,
+            .map(|i| {
+                fragment(
+                    [0.1 * f64::from(i), 0.5, 0.9 / f64::from(i), 0.3],
+                    (i % 5) as u8,
+                    i.wrapping_mul(2654435761) >> 7 & 0xff,
+                )
             })
             .collect();
         for order in [BlendOrder::FrontToBack, BlendOrder::BackToFront] {
@@ -276,8 +321,8 @@ mod tests {
 
     #[test]
     fn the_hdr_resolve_weighs_bright_samples_less() {
-        let bright = Fragment { color: [99.0, 0.0, 0.0, 1.0], mode: 0, coverage: 0b01 };
-        let dark = Fragment { color: [1.0, 0.0, 0.0, 1.0], mode: 0, coverage: 0b10 };
+        let bright = fragment([99.0, 0.0, 0.0, 1.0], 0, 0b01);
+        let dark = fragment([1.0, 0.0, 0.0, 1.0], 0, 0b10);
         let red = image(resolve(2, MsaaResolve::Hdr), &[bright, dark])[0][0];
         assert!((red - (99.0 / 100.0 + 1.0 / 2.0) / (1.0 / 100.0 + 1.0 / 2.0)).abs() < 1e-12);
     }

@@ -79,6 +79,12 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "blend/front_to_back",
     "blend/back_to_front",
     "methods/exact",
+    "methods/common/layer",
+    "methods/common/absorbance",
+    "methods/common/nearest",
+    "methods/k_buffer",
+    "methods/weighted_average",
+    "methods/wboit",
     "tiles/triangle",
     "tiles/scene",
     "tiles/setup",
@@ -112,6 +118,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "tiles/opaque_read",
     "tiles/opaque_none",
     "tiles/blending",
+    "tiles/stream",
 ];
 
 /// A module's text, and where each file starts in it.

@@ -351,9 +351,9 @@ def test_composite_refuses_what_it_does_not_know():
     with pytest.raises(ab.ParameterError, match=r"method must be one of .*'exact'"):
         frags.composite("exat")
     with pytest.raises(
-        ab.ParameterError, match=r"composite\(\) has no argument \'k\' .* arguments are method, background"
+        ab.ParameterError, match=r"composite\(\) has no argument \'q\' .* arguments are method, background"
     ):
-        frags.composite(k=4)
+        frags.composite(q=4)
     with pytest.raises(ab.ParameterError, match=r"background must be grey.*got shape \(2, 2, 4\)"):
         frags.composite(background=np.zeros((2, 2, 4)))
 

@@ -99,9 +99,7 @@ def test_a_table_without_rows_prints_as_none():
     assert str(tables.Table()) == "(none)"
 
 
-def test_there_is_one_method_and_a_pipeline_for_each_kind_of_device():
-    assert list(ab.methods()) == ["exact"]
-    assert ab.methods()["exact"]["order"] == "front_to_back"
+def test_there_is_a_pipeline_for_each_kind_of_device():
     runs_on = {key: row["runs on"] for key, row in ab.pipelines().items()}
     assert runs_on == {"tiles": "cpu, gpu", "linked_list": "gpu", "prefix_sum": "gpu"}
 

@@ -4,13 +4,14 @@ import operator
 
 import numpy as np
 
-from . import _check, _core, archive, columns, cutoff, geometry, options
+from . import _check, _core, _methods, archive, columns, cutoff, geometry, options
 from .blend import BLENDS, composite, require, resolve
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
 
-METHODS = tuple(row[0] for row in _core.methods())
-OPTIONS = ("msaa_resolve", "blend_order", "cutoff")
+# Of every method, and of exact alone.
+OPTIONS = ("msaa_resolve",)
+EXACT_OPTIONS = (*OPTIONS, "blend_order", "cutoff")
 FIELDS = ("depth", "color", "primitive", "key", "coverage", "blend")  # of the fragments; the last two may be None
 
 
@@ -208,7 +209,7 @@ class Fragments:
         """The image of these lists, (H, W, 4) float64, premultiplied.
 
         Args:
-            method: one of `abuffer.methods()`.
+            method: one of `abuffer.methods()`. What is streamed comes by primitive, rising.
             background: straight, grey, (3|4,), (H, W, 3|4), or with several samples (H, W, samples, 3|4). None: the
                 lists' own, with the opaque surfaces that are not in the lists; any other replaces those too, unless
                 render got fragments="all".
@@ -216,12 +217,14 @@ class Fragments:
             blend_order: "front_to_back" (default) or "back_to_front", as in `render`. Lists with a `Blend` are
                 composited back to front by its `numpy` in any case.
             cutoff: as in `render`: no channel changes by more than this; 0 by default.
+            chosen: of other methods msaa_resolve and their own parameters, as `abuffer.methods()` lists them. Those that
+                normalise depths do so by depth_range=(nearest, farthest); None, the default: by the lists' own.
 
         Raises:
             ParameterError: an option that is none of these, or a `Blend` without `numpy`.
         """
-        _check.choice("method", method, METHODS)
-        _check.arguments("composite", chosen, OPTIONS, f"method {method!r}", ("method", "background"))
+        others = EXACT_OPTIONS if method == "exact" else OPTIONS
+        how = _methods.chosen(method, chosen, others, "composite", ("method", "background"))
         msaa_resolve = _check.choice("msaa_resolve", chosen.get("msaa_resolve", "per_pixel"), options.MSAA_RESOLVES)
         order = _check.choice("blend_order", chosen.get("blend_order", "front_to_back"), options.BLEND_ORDERS)
         behind = self.background
@@ -229,20 +232,22 @@ class Fragments:
             behind = self._behind(_check.background(background, self.shape, self.samples))
         behind = np.ascontiguousarray(behind, dtype=np.float64)
         least = self._least_transmittance(chosen.get("cutoff", 0), behind, msaa_resolve, order)
+        how.refuse_modes(() if self.blend is None else [i for i in np.unique(self.blend) if i != 0])
         if self.blend is not None and (self.blend >= len(BLENDS)).any():
             image = self._by_layers(msaa_resolve, behind)
         else:
-            image = _core.composite(
-                self.offsets,
-                self.color,
-                behind.reshape(-1, 4),
-                self.coverage,
-                self.blend,
-                self.samples,
-                msaa_resolve,
-                order == "back_to_front",
-                least,
-            )
+            lists = {name: getattr(self, name) for name in ("offsets", "color", "primitive", "coverage", "blend")}
+            y0, x0, *_ = self._window
+            nearest, farthest = (self.depth.min(), self.depth.max()) if len(self) else (0.0, 0.0)
+            settings = {
+                "method": how.parts(float(nearest), float(farthest)),
+                "samples": self.samples,
+                "msaa_resolve": msaa_resolve,
+                "blend_order": order,
+                "least_transmittance": least,
+                "window": (x0, y0, self.shape[1]),
+            }
+            image = _core.composite(lists | {"depth": self.depth.astype(np.float64)}, settings, behind.reshape(-1, 4))
         each = (self.samples,) if msaa_resolve == "none" else ()
         return image.reshape(*self.shape, *each, 4)
 

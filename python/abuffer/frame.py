@@ -28,6 +28,7 @@ class Stats:
     device: str = ""
     # What a channel may be off by for `cutoff`, beside the same render without it; roundings come on top.
     error_bound: float = 0.0
+    merged_fragments: int = 0  # together with others, by a bounded method; 0 where exact
     gpu_ms: float | None = None  # from the first begin to the last end of a GPU's stages, where one submission has all
 
     def __str__(self):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import _check, _core, tables
+from . import _check, _core, _methods, tables
 from .blend import own_blends, require
 from .camera import Camera, _size
 from .cutoff import least_transmittance
@@ -16,7 +16,7 @@ from .errors import CapacityError, ParameterError, UnsupportedError
 from .fragments import Fragments
 from .frame import Frame, Plan, Stats
 from .layers import render_by_layers
-from .options import NODE_OPTIONS, OPTIONS, all_of, warn_of_clamping
+from .options import EXACT_OPTIONS, NODE_OPTIONS, OPTIONS, all_of, warn_of_clamping
 from .options import samples as checked_samples
 from .scene import Scene, as_scene
 
@@ -127,12 +127,12 @@ def prepared(
     **options,
 ) -> Job:
     """The job that `render` has with these arguments, which it documents."""
-    _check.choice("method", method, tables.METHODS)
     _check.choice("pipeline", pipeline, ("auto", *tables.PIPELINES))
     if isinstance(precision, (type, np.dtype)):  # np.float64, say
         precision = np.dtype(precision).name
     _check.choice("precision", precision, ("float32", "float64"))
-    _check.arguments("render", options, OPTIONS, f"method {method!r}", ARGUMENTS)
+    others = EXACT_OPTIONS if method == "exact" else OPTIONS
+    how = _methods.chosen(method, options, others, "render", ARGUMENTS)
     samples = checked_samples(samples)
     if isinstance(fragments, np.bool_):
         fragments = bool(fragments)
@@ -148,18 +148,23 @@ def prepared(
     background = _check.background(background, (height, width))
     plan = []
     meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
+    how.refuse_modes([mesh.blend for mesh in meshes if mesh.blend != "over" and not mesh.opaque])
     own = own_blends(mesh.blend for mesh in meshes)
     wants = tables.Wants(
         samples=samples,
         numpy=any(blend.wgsl is None for blend in own),
         case=_case(meshes, samples, fragments, options),
+        streams=method != "exact",
         triangles=scene.triangle_count,
         nodes=any(name in options for name in NODE_OPTIONS),
     )
     may_change = pipeline == "auto"
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
     require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
+    if method != "exact" and pipeline != "tiles":
+        raise ParameterError(f'pipeline {pipeline!r} has method "exact" alone: give pipeline="tiles" for {method!r}')
     request = all_of(options, pipeline) | {
+        "method": how.parts(*_depth_range(meshes, camera, how)),
         "width": width,
         "height": height,
         "lists": {False: "none", True: "translucent"}.get(fragments, fragments),
@@ -190,6 +195,24 @@ def prepared(
 
 
 ARGUMENTS = tuple(name for name in inspect.signature(prepared).parameters if name != "options")
+
+
+# Depths below this share of the farthest are as near as it: a logarithm has no place for an eye amid a scene.
+NEAREST = 1e-3
+
+
+def _depth_range(meshes, camera, how):
+    """The depths that a method normalises by: from the nearest translucent vertex to the farthest."""
+    if how.depth_range or not how.method.takes_range:
+        return None, None
+    axis = camera.view[2]
+    depths = [-(mesh.positions @ axis[:3] + axis[3]) for mesh in meshes if not mesh.opaque]
+    if not depths:
+        return 0.0, 0.0
+    nearest, farthest = min(float(d.min()) for d in depths), max(float(d.max()) for d in depths)
+    if camera.is_perspective:
+        nearest = max(nearest, NEAREST * farthest)
+    return nearest, farthest
 
 
 def _case(meshes, samples, fragments, options):

@@ -26,7 +26,9 @@ NODE_CHOICES = {
 }
 NODE_OPTIONS = (*NODE_CHOICES, "resolve_classes")
 CLASSES = (1, 4, 8, 16, 32, 64)
-OPTIONS = (*CHOICES, "max_sorted_fragments", "cutoff", *NODE_CHOICES, "resolve_classes")
+# Of every method, and of exact alone.
+OPTIONS = ("msaa_resolve",)
+EXACT_OPTIONS = (*CHOICES, "max_sorted_fragments", "cutoff", *NODE_CHOICES, "resolve_classes")
 SAMPLES = (1, 2, 4, 8, 16)
 
 

@@ -27,7 +27,7 @@ def render(
         scene: Scene, or anything that `Scene.add` takes.
         camera: Camera. None: `Camera.fit(scene)`.
         width, height: pixels. None: the camera's own size, else the background image's, else 640×480.
-        method: one of `methods()`.
+        method: one of `methods()`, with which pipeline "tiles" alone can do more than "exact".
         pipeline: "auto" or one of `pipelines()`.
         device: "auto", "cpu", "gpu" or a part of a device's name. "auto" is a real GPU if there is one, else
             the CPU; the environment variable ABUFFER_DEVICE sets what it means. "gpu" is the best adapter: a
@@ -39,10 +39,15 @@ def render(
         precision: "float32", or "float64" on the CPU.
         memory: bytes, or "2GiB", that lists, bins and scratch may take; not what is returned.
 
-    Options of every pipeline:
+    Options of every method:
         msaa_resolve: what becomes of a pixel's samples. "per_pixel", the default: their mean, all made in one walk
             over the pixel's list. "per_sample": the same numbers, with a walk a sample. "hdr": a mean that weighs
             each by 1 / (1 + its largest colour channel). "none": the image is the samples, (H, W, samples, 4).
+
+    Options of the other methods are their parameters, which `methods()` lists, and of those that normalise depths:
+        depth_range: (nearest, farthest) in eye depth. None, the default: those of the translucent vertices.
+
+    Options of method "exact", on every pipeline:
         sort: how lists are sorted, "auto" (default), "insertion", "selection", "bitonic", "merge" or "heap". The image
             is the same.
         max_sorted_fragments: composite at most so many fragments a pixel; `stats.dropped_fragments` says how many
@@ -54,7 +59,7 @@ def render(
             among them; the background then shows in its place. Counts and lists stay whole. `stats.error_bound` is
             this again. 0, the default: where it changes no bit. More is for scenes that are all "over".
 
-    Options of pipelines linked_list and prefix_sum:
+    Options of method "exact" on pipelines linked_list and prefix_sum:
         node_format: what a fragment is stored as. "float32", the default, loses nothing; "rgba8_depth32",
             "rgba8_depth24_coverage8", "rgb565_depth16" and "rgb9e5_alpha8_depth24" (colours over 1) are smaller and
             round colour and depth to so many bits.

@@ -2,12 +2,12 @@
 
 from collections import deque
 
-from . import _check, _core, tables
+from . import _core, _methods, tables
 from .camera import Camera
 from .errors import ParameterError
 from .frame import Frame
 from .job import ARGUMENTS, prepared
-from .options import OPTIONS
+from .options import EXACT_OPTIONS, OPTIONS
 from .scene import Scene, as_scene
 
 END = object()  # of cameras
@@ -118,8 +118,10 @@ class Renderer:
     def _check_names(self, arguments):
         if "device" in arguments:
             raise ParameterError(f"device is the renderer's, {self.device!r}: make another Renderer for another device")
-        names = [name for name in arguments if name not in ARGUMENTS]
-        _check.arguments("render", names, OPTIONS, "method 'exact'", ARGUMENTS)
+        method = arguments.get("method", "exact")
+        options = {name: value for name, value in arguments.items() if name not in ARGUMENTS}
+        others = EXACT_OPTIONS if method == "exact" else OPTIONS
+        _methods.chosen(method, options, others, "render", ARGUMENTS)
 
     def _job(self, scene, camera, arguments):
         return prepared(scene.scene, camera, device=self.device, **arguments)

@@ -5,6 +5,7 @@ import threading
 from typing import NamedTuple
 
 from . import _core
+from ._methods import METHODS
 from .errors import DeviceError, ParameterError
 from .measured import faster
 
@@ -23,10 +24,6 @@ class Table(dict):
 
     __repr__ = __str__
 
-
-METHODS = Table(
-    {key: {"title": title, "order": order, "source": source} for key, title, order, source in _core.methods()}
-)
 
 PIPELINES = Table(
     {
@@ -70,12 +67,14 @@ def _adapters():
 
 
 def methods() -> Table:
-    """The methods, by id: how fragments become a colour.
+    """The methods, by id: how fragments become a colour, what that takes, and when it is exact.
 
-    >>> list(methods())
-    ['exact']
+    Passes and bytes are those of the defaults.
+
+    >>> methods()["k_buffer"]["parameters"]
+    "k=8 from 1 to 64; tail='drop' of 'drop', 'blend', 'average'"
     """
-    return Table(METHODS)
+    return Table({method.id: method.row() for method in METHODS.values()})
 
 
 def pipelines() -> Table:
@@ -112,6 +111,7 @@ class Wants(NamedTuple):
     case: str = "image"  # of measured.CASES
     triangles: int = 0  # of the scene
     nodes: bool = False  # an option of how nodes are stored
+    streams: bool = False  # a method that tiles alone have
 
 
 def choose(pipeline, device, precision, environment, plan, wants=None):
@@ -142,6 +142,8 @@ def choose(pipeline, device, precision, environment, plan, wants=None):
     plan.append(("device", f"{found['name']}{software}", why))
     if pipeline != "auto":
         reason = "as asked"
+    elif wants.streams:
+        pipeline, reason = "tiles", "it has every method"
     elif wants.nodes:
         pipeline, reason = "linked_list", "it has nodes to store as the options say"
     else:
@@ -168,7 +170,7 @@ def _auto(pipeline, precision, environment, wants):
         return _named("gpu")
     real = [i for i, a in enumerate(_adapters()) if a["kind"] != "software" and not a["lacks"]]
     # Tiles find samples for themselves.
-    enough = [i for i in real if pipeline == "tiles" or wants.samples in _adapters()[i]["samples"]]
+    enough = [i for i in real if pipeline == "tiles" or wants.streams or wants.samples in _adapters()[i]["samples"]]
     if real and wants.numpy:
         return None, "a Blend here has no wgsl for GPUs"
     if enough:

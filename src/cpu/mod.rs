@@ -28,6 +28,7 @@ use crate::error::Result;
 use crate::fragments::{Background, Extras, Fragments};
 use crate::frame::{Lists, Output, Request, Stats};
 use crate::memory::{allocate, out_of_memory, recycled};
+use crate::methods::Order;
 use crate::real::Real;
 use crate::resolve::Resolve;
 use crate::samples::pattern;
@@ -192,7 +193,7 @@ fn render_listed<T: Precision, L: Listed<T>>(
                     {
                         return Ok(());
                     }
-                    walk.visit(records, region, scratch, &mut |pixel| {
+                    walk.visit(rules.resolve.takes(), records, region, scratch, &mut |pixel| {
                         target.resolve(&walk, &rules, &pixel, background.at(flat(pixel.x, pixel.y)));
                     })
                 },
@@ -210,6 +211,7 @@ fn render_listed<T: Precision, L: Listed<T>>(
     unsafe { image.set_len(pixels * each) };
     stats.fragments = found.fragments;
     stats.dropped_fragments = found.dropped;
+    stats.leave_out(&request.method, found.left_out);
     stats.max_depth_complexity = Some(found.deepest);
     stats.choose("rectangle", binning.describe_box(), "where geometry lands; elsewhere is background");
     let tiles = format!("{} of {} hold translucent geometry", found.filled, binning.tile_count());
@@ -230,7 +232,8 @@ fn render_listed<T: Precision, L: Listed<T>>(
                 targets[bins.run.clone()].par_iter_mut().zip(bins.run.clone()).try_for_each(
                     |(target, tile)| {
                         let scratch = &mut scratches.borrow();
-                        walk.visit(bins.tile(tile), binning.region(tile), scratch, &mut |pixel| {
+                        let (records, region) = (bins.tile(tile), binning.region(tile));
+                        walk.visit(Order::FrontToBack, records, region, scratch, &mut |pixel| {
                             target.write(&walk, &pixel, offsets[flat(pixel.x, pixel.y)]);
                         })
                     },

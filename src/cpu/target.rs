@@ -7,7 +7,8 @@ use super::entry::Listed;
 use super::region::TILE;
 use super::tile::{Pixel, Walk, rank_of};
 use crate::frame::LimitPolicy;
-use crate::real::Real;
+use crate::methods;
+use crate::real::{Real, depth_of_key};
 use crate::resolve::{Fragment, Resolve};
 
 /// A tile's part of a row-major array: at most `TILE` rows.
@@ -45,7 +46,7 @@ impl<'a, V> TileRows<'a, V> {
 }
 
 /// How a pixel's list becomes its part of the image.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Rules {
     pub resolve: Resolve,
     pub limit: Option<(u32, LimitPolicy)>,
@@ -94,6 +95,8 @@ pub struct Band<'a, T> {
 pub struct Found {
     pub fragments: u64,
     pub dropped: u64,
+    /// By a bounded method.
+    pub left_out: u64,
     pub deepest: u32,
     /// Tiles with fragments.
     pub filled: usize,
@@ -104,6 +107,7 @@ impl Found {
         Self {
             fragments: self.fragments + other.fragments,
             dropped: self.dropped + other.dropped,
+            left_out: self.left_out + other.left_out,
             deepest: self.deepest.max(other.deepest),
             filled: self.filled + other.filled,
         }
@@ -209,14 +213,21 @@ impl<T: Real, L: Listed<T>> ImageTarget<'_, '_, T, L> {
         let behind = |s: usize| pixel.opaque(s).map_or(background, |listed| walk.color(listed, x, y));
         let listed = rules.limited(entries, &mut self.kept);
         let fragment = |i: usize| Fragment {
-            color: walk.color(listed[i], x, y),
+            own: methods::Fragment {
+                color: walk.color(listed[i], x, y),
+                depth: depth_of_key(T::key_of(listed[i].entry()), walk.setup.perspective),
+                order: listed[i].entry(),
+                primitive: walk.primitive(listed[i]),
+            },
             mode: if resolve.mixes { walk.mode(listed[i]) } else { 0 },
             coverage: listed[i].coverage(),
         };
         let image = &mut self.image;
-        resolve.pixel(listed.len(), fragment, behind, |s, rgba| image.set(x, y, s, MaybeUninit::new(rgba)));
+        let write = |s, rgba| image.set(x, y, s, MaybeUninit::new(rgba));
+        let left_out = resolve.pixel((x as u32, y as u32), listed.len(), fragment, behind, write);
         self.found.fragments += entries.len() as u64;
         self.found.dropped += (entries.len() - listed.len()) as u64;
+        self.found.left_out += u64::from(left_out);
         self.found.deepest = self.found.deepest.max(entries.len() as u32);
         if let Some(counts) = &mut self.counts {
             counts.set(x, y, 0, entries.len() as i32);

@@ -12,6 +12,7 @@ use super::sort::sort;
 use crate::blend::OVER;
 use crate::error::{Error, Result};
 use crate::frame::Sort;
+use crate::methods::Order;
 use crate::real::Real;
 use crate::samples::Offset;
 use crate::scene::Mesh;
@@ -121,7 +122,7 @@ pub struct DeepPixel {
     pub held: u64,
 }
 
-/// One pixel's fragments, front to back.
+/// One pixel's fragments, in the order that was asked for.
 pub struct Pixel<'a, L> {
     pub x: i32,
     pub y: i32,
@@ -182,9 +183,10 @@ impl<T: Real> Walk<'_, T> {
         self.setup.records[record_of(T::rank_of(listed.entry()))].primitive
     }
 
-    /// Visits every pixel of the region once, in no promised order, with its sorted fragments.
+    /// Visits every pixel of the region once, in no promised order, with its fragments in `order`.
     pub fn visit<L: Listed<T>>(
         &self,
+        order: Order,
         records: &[u32],
         region: Region,
         scratch: &mut Scratch<T, L>,
@@ -195,10 +197,10 @@ impl<T: Real> Walk<'_, T> {
         let each = (size_of::<Run>() + size_of::<T::Key>() + words + size_of::<L>()) as u64;
         let limit = ((self.scratch_bytes / each) as usize).min(FRAGMENTS_AT_ONCE);
         if self.emit(records, region, limit, scratch) {
-            self.hand_out(region, scratch, visitor);
+            self.hand_out(order, region, scratch, visitor);
         } else if region.pixels() > 1 {
             for half in region.halves() {
-                self.visit(records, half, scratch, visitor)?;
+                self.visit(order, records, half, scratch, visitor)?;
             }
         } else {
             let mut deep = self.deep_pixel.lock().unwrap_or_else(PoisonError::into_inner);
@@ -211,16 +213,17 @@ impl<T: Real> Walk<'_, T> {
                     advice: "raise memory=, a quarter of which is for this".into(),
                 });
             }
-            self.hand_out(region, scratch, visitor);
+            self.hand_out(order, region, scratch, visitor);
             deep.held = deep.held.max(scratch.bytes());
             *scratch = Scratch::default(); // as large as this pixel: not for keeps
         }
         Ok(())
     }
 
-    /// Sorts what was emitted, and calls the visitor for each pixel.
+    /// Brings what was emitted into order, and calls the visitor for each pixel.
     fn hand_out<L: Listed<T>>(
         &self,
+        order: Order,
         region: Region,
         scratch: &mut Scratch<T, L>,
         visitor: &mut impl FnMut(Pixel<L>),
@@ -232,7 +235,7 @@ impl<T: Real> Walk<'_, T> {
         for y in region.y0..region.y0 + region.h {
             for x in region.x0..region.x0 + region.w {
                 let list = &mut sorted[starts[p] as usize..starts[p + 1] as usize];
-                let kept = self.sort_list(list);
+                let kept = self.ordered(order, list);
                 let opaque = opaque.get(p * samples..(p + 1) * samples).unwrap_or_default();
                 visitor(Pixel { x, y, entries: &list[..kept], opaque });
                 p += 1;
@@ -260,10 +263,12 @@ impl<T: Real> Walk<'_, T> {
         cutoff == T::ZERO || self.raw_color(record, x, y, at)[3] >= cutoff
     }
 
-    /// Sorts front to back and merges the pieces of a clipped triangle, which share key and primitive.
-    /// Returns how many entries remain.
-    fn sort_list<L: Listed<T>>(&self, list: &mut [L]) -> usize {
-        sort(self.sort, list);
+    /// Brings a list, which is in the order of submission, into `order`, and merges the pieces of a clipped triangle,
+    /// which share key and primitive. Returns how many entries remain.
+    fn ordered<L: Listed<T>>(&self, order: Order, list: &mut [L]) -> usize {
+        if order == Order::FrontToBack {
+            sort(self.sort, list);
+        }
         if !self.setup.has_pieces || self.setup.multisampled {
             return list.len(); // with samples they were merged before
         }

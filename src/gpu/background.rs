@@ -13,6 +13,7 @@ use super::timing::Timing;
 use crate::error::Result;
 use crate::frame::{BlendOrder, Output, Request};
 use crate::memory::allocate;
+use crate::methods::{self, Method};
 use crate::resolve::{Fragment, Resolve};
 use crate::threads::threads;
 
@@ -26,13 +27,15 @@ pub fn fill_outside(
     let (width, each) = (request.width as usize, request.image_samples());
     // As the shaders resolve an empty list.
     let resolve = Resolve {
+        method: Method::Exact,
         samples: request.samples,
         msaa: request.msaa_resolve,
         mixes: false,
         order: BlendOrder::FrontToBack,
         least_transmittance: 0.0,
     };
-    let none = |_| Fragment { color: [0.0; 4], mode: 0, coverage: 0 };
+    let own = methods::Fragment { color: [0.0; 4], depth: 0.0, order: 0, primitive: 0 };
+    let none = |_| Fragment { own, mode: 0, coverage: 0 };
     let inside = |x: usize, y: usize| {
         rect.is_some_and(|r| {
             (r.x0..r.x0 + r.w).contains(&(x as u32)) && (r.y0..r.y0 + r.h).contains(&(y as u32))
@@ -41,7 +44,7 @@ pub fn fill_outside(
     threads()?.install(|| {
         output.image.par_chunks_mut(width * each).enumerate().for_each(|(y, row)| {
             for (x, colors) in row.chunks_exact_mut(each).enumerate().filter(|(x, _)| !inside(*x, y)) {
-                resolve.pixel(0, none, |s| behind(y * width + x, s), |s, rgba| colors[s] = rgba);
+                resolve.pixel((0, 0), 0, none, |s| behind(y * width + x, s), |s, rgba| colors[s] = rgba);
             }
         });
     });

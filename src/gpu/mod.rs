@@ -32,7 +32,8 @@ mod view;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::Background;
-use crate::frame::{Output, Request};
+use crate::frame::{Lists, Output, Request};
+use crate::methods::Method;
 use crate::scene::Scene;
 
 pub use kept::Kept;
@@ -46,8 +47,37 @@ pub fn render(
     request: &Request,
     background: Background<f32>,
 ) -> Result<Output<f32>> {
+    if !request.method.is_exact() {
+        return streamed(kept, scene, camera, request, background);
+    }
     match tiles::render(kept, scene, camera, request, &background)? {
         Some(output) => Ok(output),
         None => linked_list::render(kept, scene, camera, request, background),
     }
+}
+
+/// Another method's image, and the lists that are asked for beside it.
+fn streamed(
+    kept: &mut Kept,
+    scene: &Scene,
+    camera: &Camera,
+    request: &Request,
+    background: Background<f32>,
+) -> Result<Output<f32>> {
+    let mut output = tiles::stream(kept, scene, camera, request, &background)?;
+    match request.lists {
+        Lists::None => output.counts = None,
+        Lists::Count => {}
+        Lists::Translucent | Lists::All => {
+            let exact = Request { method: Method::Exact, ..request.clone() };
+            let lists = render(kept, scene, camera, &exact, background)?;
+            lists
+                .stats
+                .ms
+                .into_iter()
+                .for_each(|(stage, ms)| output.stats.add(format!("lists: {stage}"), ms));
+            (output.background, output.fragments) = (lists.background, lists.fragments);
+        }
+    }
+    Ok(output)
 }

@@ -2,6 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::methods::{Method, Values};
+
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct View {
@@ -152,6 +154,28 @@ pub struct Window {
     pub list_capacity: u32,
     pub pad0: u32,
     pub pad1: u32,
+}
+
+/// Parameters of a method that change without its shader, and the first row of pixels that it has.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct MethodUniform {
+    pub nearest: f32,
+    pub farthest: f32,
+    pub beta: f32,
+    pub seed: u32,
+    pub first_row: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
+}
+
+impl MethodUniform {
+    pub fn new(method: &Method, first_row: u32) -> Self {
+        let Values { range: (nearest, farthest), beta, seed } = method.values();
+        let (nearest, farthest, beta) = (nearest as f32, farthest as f32, beta as f32);
+        Self { nearest, farthest, beta, seed, first_row, pad0: 0, pad1: 0, pad2: 0 }
+    }
 }
 
 #[cfg(test)]

@@ -108,6 +108,13 @@ impl Variant {
         Self { layout, storage, msaa, sort, classes, fullscreen: false, ..self }
     }
 
+    /// The same with how lists are stored, sorted and limited left out, where there are none.
+    pub fn without_lists(self) -> Self {
+        let layout = NodeLayout::new(NodeFormat::Float32, self.layout.samples, false, false);
+        let (msaa, hides) = (self.msaa, self.hides);
+        Self { layout, msaa, hides, limit: None, order: BlendOrder::FrontToBack, ..self.without_nodes() }
+    }
+
     /// `temp`: entries of the temporary array. `class`: which class's, where it is one.
     pub fn prelude(&self, temp: u32, class: usize) -> String {
         let layout = &self.layout;

@@ -8,26 +8,25 @@ mod parts;
 mod upload;
 
 use bytemuck::cast_slice;
-use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{Element, IntoPyArray, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::camera::Camera;
-use crate::composite::{Lists as ListsOf, composite as composite_lists};
+use crate::composite::composite as composite_lists;
 use crate::cpu::Precision;
 use crate::error::Error;
 use crate::fragments::Background;
-use crate::frame::{BlendOrder, Request};
+use crate::frame::Request;
 use crate::gpu::device::{self, Adapter};
-use crate::methods::METHODS;
+use crate::methods::IDS;
 use crate::png::encode;
 use crate::render;
-use crate::resolve::Resolve;
 use crate::samples::{check_samples, pattern};
 use crate::scene::Scene;
 use crate::shader::user_blend;
 use output::to_dict;
-use parts::{BackgroundParts, CameraParts, MeshParts, RequestParts, Values, msaa_of};
+use parts::{BackgroundParts, CameraParts, ListParts, MeshParts, RequestParts, ResolveParts, Values};
 
 #[pymodule]
 mod _core {
@@ -110,7 +109,7 @@ where
     R: Send,
 {
     let camera = camera.camera()?;
-    let request = request.request();
+    let request = request.request()?;
     let parts = BackgroundParts::<T>::of(background)?;
     let background = parts.background()?;
     let meshes = meshes.iter().map(MeshParts::mesh).collect::<PyResult<Vec<_>>>()?;
@@ -135,42 +134,25 @@ fn adapters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
     py.detach(device::adapters).into_iter().map(describe).collect()
 }
 
-/// Composites captured lists in float64. `color` is (F, 4) float32 or float64; `background` one colour, or
-/// (H·W·samples, 4). Returns (H·W, 4), or with msaa_resolve "none" (H·W·samples, 4).
+/// Composites captured lists in float64. Colours are (F, 4) float32 or float64; `background` is (H·W·samples, 4).
+/// Returns (H·W, 4), or with msaa_resolve "none" (H·W·samples, 4).
 #[pyfunction]
-#[pyo3(signature = (offsets, color, background, coverage, blend, samples, msaa_resolve, back_to_front, least_transmittance))]
-#[allow(clippy::too_many_arguments)]
 fn composite<'py>(
     py: Python<'py>,
-    offsets: PyReadonlyArray1<'py, i64>,
-    color: Values<'py>,
+    parts: ListParts<'py>,
+    how: ResolveParts,
     background: PyReadonlyArray2<'py, f64>,
-    coverage: Option<PyReadonlyArray1<'py, u32>>,
-    blend: Option<PyReadonlyArray1<'py, u8>>,
-    samples: u32,
-    msaa_resolve: &str,
-    back_to_front: bool,
-    least_transmittance: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let background = Background::Image(cast_slice(background.as_slice()?));
-    let offsets = offsets.as_slice()?;
-    let coverage = coverage.as_ref().map(|a| a.as_slice()).transpose()?;
-    let blend = blend.as_ref().map(|a| a.as_slice()).transpose()?;
-    let resolve = Resolve {
-        samples: check_samples(samples)?,
-        msaa: msaa_of(msaa_resolve),
-        mixes: blend.is_some(),
-        order: if back_to_front { BlendOrder::BackToFront } else { BlendOrder::FrontToBack },
-        least_transmittance,
-    };
-    let image = match &color {
+    let (resolve, window) = how.resolve(parts.blend.is_some())?;
+    let image = match &parts.color {
         Values::F32(a) => {
-            let color = cast_slice::<f32, [f32; 4]>(a.as_slice()?);
-            py.detach(|| composite_lists(ListsOf { offsets, color, coverage, blend }, resolve, background))?
+            let lists = parts.lists(cast_slice::<f32, [f32; 4]>(a.as_slice()?))?;
+            py.detach(|| composite_lists(lists, window, &resolve, background))?
         }
         Values::F64(a) => {
-            let color = cast_slice::<f64, [f64; 4]>(a.as_slice()?);
-            py.detach(|| composite_lists(ListsOf { offsets, color, coverage, blend }, resolve, background))?
+            let lists = parts.lists(cast_slice::<f64, [f64; 4]>(a.as_slice()?))?;
+            py.detach(|| composite_lists(lists, window, &resolve, background))?
         }
     };
     let n = image.len();
@@ -198,8 +180,8 @@ fn encode_png<'py>(py: Python<'py>, pixels: PyReadonlyArray3<'py, u8>) -> PyResu
     Ok(PyBytes::new(py, &bytes))
 }
 
-/// Rows of the method table: id, title, order, source.
+/// Ids of the methods that the core has.
 #[pyfunction]
-fn methods() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
-    METHODS.iter().map(|m| (m.id, m.title, m.order, m.source)).collect()
+fn methods() -> Vec<&'static str> {
+    IDS.to_vec()
 }

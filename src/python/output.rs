@@ -82,6 +82,7 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
         max_depth_complexity,
         rejected_triangles,
         dropped_fragments,
+        merged_fragments,
         bands,
         bytes,
         ms,
@@ -93,6 +94,7 @@ fn stats_to_dict<'py>(py: Python<'py>, stats: Stats) -> PyResult<Bound<'py, PyDi
     dict.set_item("max_depth_complexity", max_depth_complexity)?;
     dict.set_item("rejected_triangles", rejected_triangles)?;
     dict.set_item("dropped_fragments", dropped_fragments)?;
+    dict.set_item("merged_fragments", merged_fragments)?;
     dict.set_item("bands", bands)?;
     dict.set_item("bytes", bytes.into_iter().collect::<std::collections::BTreeMap<_, _>>())?;
     let stages = PyDict::new(py); // in the order that they ran

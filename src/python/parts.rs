@@ -1,17 +1,23 @@
 //! What Python hands over: dicts of arrays and of words, as the core's own types.
 
+use std::collections::HashMap;
+
 use bytemuck::cast_slice;
-use numpy::{Element, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{Element, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
 use super::errors;
 use crate::camera::Camera;
+use crate::composite::{Lists as CapturedLists, Window};
 use crate::fragments::Background;
 use crate::frame::{
     BlendOrder, LimitPolicy, ListOptions, Lists, MsaaResolve, Rasteriser, Request, Sort, Storage,
 };
+use crate::methods::{Method, Parameters, Value};
 use crate::node_format::NodeFormat;
 use crate::real::Real;
+use crate::resolve::Resolve;
+use crate::samples::check_samples;
 use crate::scene::{ColorValues, Colors, Cull, Mesh, Positions, Rate};
 
 /// An array in the precision that the user gave.
@@ -98,8 +104,41 @@ impl CameraParts<'_> {
     }
 }
 
+/// A parameter of a method.
+#[derive(FromPyObject)]
+enum ParameterValue {
+    Flag(bool),
+    Number(f64),
+    Text(String),
+}
+
+/// A method's id and parameters, checked.
+#[derive(FromPyObject)]
+pub struct MethodParts {
+    #[pyo3(item)]
+    method: String,
+    #[pyo3(item)]
+    parameters: HashMap<String, ParameterValue>,
+}
+
+impl MethodParts {
+    pub fn method(&self) -> PyResult<Method> {
+        let value = |value: &ParameterValue| match value {
+            ParameterValue::Flag(flag) => Value::Flag(*flag),
+            ParameterValue::Number(number) => Value::Number(*number),
+            ParameterValue::Text(text) => Value::Text(text.clone()),
+        };
+        let parameters = self.parameters.iter().map(|(name, own)| (name.clone(), value(own)));
+        Method::of(&self.method, &Parameters(parameters.collect())).ok_or_else(|| {
+            errors::ParameterError::new_err(format!("the core has no method {:?}", self.method))
+        })
+    }
+}
+
 #[derive(FromPyObject)]
 pub struct RequestParts {
+    #[pyo3(item)]
+    method: MethodParts,
     #[pyo3(item)]
     width: u32,
     #[pyo3(item)]
@@ -135,7 +174,7 @@ pub struct RequestParts {
 }
 
 impl RequestParts {
-    pub fn request(&self) -> Request {
+    pub fn request(&self) -> PyResult<Request> {
         let lists_on_gpu = ListOptions {
             rasteriser: match self.pipeline.as_str() {
                 "tiles" => Rasteriser::Tiles,
@@ -150,7 +189,8 @@ impl RequestParts {
             fullscreen: self.resolve == "fragment",
             blends: self.blends.iter().map(|(n, b)| (n.clone(), b.clone().unwrap_or_default())).collect(),
         };
-        Request {
+        Ok(Request {
+            method: self.method.method()?,
             lists_on_gpu,
             width: self.width,
             height: self.height,
@@ -175,16 +215,85 @@ impl RequestParts {
                 let last = self.limit_policy == "last_submitted";
                 (n, if last { LimitPolicy::LastSubmitted } else { LimitPolicy::Nearest })
             }),
-            blend_order: match self.blend_order.as_str() {
-                "back_to_front" => BlendOrder::BackToFront,
-                _ => BlendOrder::FrontToBack,
-            },
+            blend_order: blend_order_of(&self.blend_order),
             least_transmittance: self.least_transmittance,
-        }
+        })
     }
 }
 
-pub fn msaa_of(name: &str) -> MsaaResolve {
+/// Captured lists.
+#[derive(FromPyObject)]
+pub struct ListParts<'py> {
+    #[pyo3(item)]
+    offsets: PyReadonlyArray1<'py, i64>,
+    #[pyo3(item)]
+    pub color: Values<'py>,
+    #[pyo3(item)]
+    depth: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item)]
+    primitive: PyReadonlyArray1<'py, i32>,
+    #[pyo3(item)]
+    coverage: Option<PyReadonlyArray1<'py, u32>>,
+    #[pyo3(item)]
+    pub blend: Option<PyReadonlyArray1<'py, u8>>,
+}
+
+impl ListParts<'_> {
+    /// With the colours, which have one of two types.
+    pub fn lists<'a, C>(&'a self, color: &'a [[C; 4]]) -> PyResult<CapturedLists<'a, C>> {
+        Ok(CapturedLists {
+            offsets: self.offsets.as_slice()?,
+            color,
+            depth: self.depth.as_slice()?,
+            primitive: self.primitive.as_slice()?,
+            coverage: self.coverage.as_ref().map(|a| a.as_slice()).transpose()?,
+            blend: self.blend.as_ref().map(|a| a.as_slice()).transpose()?,
+        })
+    }
+}
+
+/// How captured lists are composited.
+#[derive(FromPyObject)]
+pub struct ResolveParts {
+    #[pyo3(item)]
+    method: MethodParts,
+    #[pyo3(item)]
+    samples: u32,
+    #[pyo3(item)]
+    msaa_resolve: String,
+    #[pyo3(item)]
+    blend_order: String,
+    #[pyo3(item)]
+    least_transmittance: f64,
+    /// First column and row in the image that lists are of, and their width.
+    #[pyo3(item)]
+    window: (u32, u32, u32),
+}
+
+impl ResolveParts {
+    /// `mixes`: some fragment is blended otherwise than `over`.
+    pub fn resolve(&self, mixes: bool) -> PyResult<(Resolve, Window)> {
+        let resolve = Resolve {
+            method: self.method.method()?,
+            samples: check_samples(self.samples)?,
+            msaa: msaa_of(&self.msaa_resolve),
+            mixes,
+            order: blend_order_of(&self.blend_order),
+            least_transmittance: self.least_transmittance,
+        };
+        let (x0, y0, width) = self.window;
+        Ok((resolve, Window { x0, y0, width }))
+    }
+}
+
+fn blend_order_of(name: &str) -> BlendOrder {
+    match name {
+        "back_to_front" => BlendOrder::BackToFront,
+        _ => BlendOrder::FrontToBack,
+    }
+}
+
+fn msaa_of(name: &str) -> MsaaResolve {
     match name {
         "per_sample" => MsaaResolve::PerSample,
         "hdr" => MsaaResolve::Hdr,

@@ -128,7 +128,8 @@ pub struct Quick<'a> {
 impl<'a> Quick<'a> {
     /// `None` for a render that asks for something that only the general way does.
     pub fn of(walk: &'a Walk<f32>, rules: &Rules, background: Background<'a, f32>) -> Option<Self> {
-        let plain = walk.pattern.len() == 1
+        let plain = rules.resolve.method.is_exact()
+            && walk.pattern.len() == 1
             && walk.sort == Sort::Auto
             && !walk.list_opaque
             && rules.limit.is_none()

@@ -48,6 +48,7 @@ fn camera(perspective: bool) -> Camera {
 
 fn request(sort: Sort, memory: Option<u64>) -> Request {
     Request {
+        method: crate::methods::Method::Exact,
         width: WIDTH,
         height: HEIGHT,
         lists: Lists::Count,

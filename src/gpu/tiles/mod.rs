@@ -12,6 +12,7 @@ mod opaque;
 mod ready;
 mod render;
 mod stages;
+mod stream;
 mod walk;
 mod yardstick;
 
@@ -23,6 +24,7 @@ pub use render::{Begun, begin, render};
 pub use stages::Stages;
 #[cfg(test)]
 pub use stages::modules;
+pub use stream::render as stream;
 pub use walk::Walker;
 pub use yardstick::{Times, measure};
 

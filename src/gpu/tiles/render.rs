@@ -50,8 +50,8 @@ pub fn begin(
     request: &Request,
     background: &Background<f32>,
 ) -> Result<Option<Begun>> {
-    if matches!(request.lists, Lists::Translucent | Lists::All) {
-        return Ok(None); // fetched once it is known how long they are
+    if matches!(request.lists, Lists::Translucent | Lists::All) || !request.method.is_exact() {
+        return Ok(None); // lists are fetched once it is known how long they are
     }
     let Some((frame, mut canvas)) = Frame::new(kept, scene, camera, request, background)? else {
         return Ok(None);

@@ -1,6 +1,7 @@
 //! The shaders and pipelines of the tile rasteriser.
 
-use std::sync::OnceLock;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use rayon::{join, prelude::*};
 use wgpu::ShaderStages;
@@ -13,6 +14,9 @@ use crate::gpu::buffers::{Slot, layout};
 use crate::gpu::compile::{compile, compute_uncleared, once};
 use crate::gpu::device::Gpu;
 use crate::gpu::variant::{BuildStage, Variant};
+use crate::methods::Method;
+#[cfg(test)]
+use crate::methods::tests::some_methods;
 use crate::shader::Composed;
 use crate::threads::threads;
 
@@ -32,6 +36,9 @@ pub struct Stages {
     pub start_layout: wgpu::BindGroupLayout,
     resolve_layouts: [wgpu::BindGroupLayout; 2],
     pub read_opaque_layout: wgpu::BindGroupLayout,
+    pub stream_layout: wgpu::BindGroupLayout,
+    /// By method and constants.
+    stream: Mutex<HashMap<String, Arc<wgpu::ComputePipeline>>>,
     /// By what they leave, then by class.
     resolve: [[OnceLock<wgpu::ComputePipeline>; CLASS_COUNT]; 3],
 }
@@ -80,6 +87,13 @@ impl Stages {
                 layout(gpu, "tile resolve", ShaderStages::COMPUTE, &slots)
             }),
             read_opaque_layout: of("opaque surfaces", 0, 2, 0),
+            stream_layout: layout(
+                gpu,
+                "stream",
+                ShaderStages::COMPUTE,
+                &[ReadWrite, ReadWrite, ReadWrite, Uniform, Slot::Color],
+            ),
+            stream: Default::default(),
             resolve: Default::default(),
         }
     }
@@ -166,6 +180,30 @@ impl Stages {
         })
     }
 
+    /// Streams fragments into a method.
+    pub fn stream(
+        &self,
+        gpu: &Gpu,
+        variant: &Variant,
+        method: &Method,
+    ) -> Result<Arc<wgpu::ComputePipeline>> {
+        let key = format!("{} {}", method.id(), method.constants_text());
+        let mut made = self.stream.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = made.get(&key) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline = gpu.checked("making pipelines", || {
+            let module = compile(gpu, method.id(), &stream(variant, method)?)?;
+            let mut groups = vec![&self.walk_layout, &self.stream_layout];
+            if variant.hides {
+                groups.push(&self.read_opaque_layout);
+            }
+            Ok(Arc::new(compute_uncleared(gpu, &module, "cs_stream", &groups)))
+        })?;
+        made.insert(key, pipeline.clone());
+        Ok(pipeline)
+    }
+
     /// Counts fragments, or scatters them into lists. `lists`: what that stage binds as group 1.
     pub fn keep(
         &self,
@@ -204,7 +242,9 @@ pub fn modules(v: &Variant) -> Vec<Composed> {
     let resolves = (0..CLASS_COUNT).map(|class| resolve(v, &classes, class, leaves[class % 3]));
     // Long, and the same for most variants.
     let resolves = resolves.filter(|_| v.tiles);
-    all.into_iter().chain(resolves).map(Result::unwrap).collect()
+    let methods = some_methods();
+    let streams = methods.iter().filter(|_| v.tiles).map(|method| stream(v, method));
+    all.into_iter().chain(resolves).chain(streams).map(Result::unwrap).collect()
 }
 
 fn text(variant: &Variant, files: &[&str]) -> Result<Composed> {
@@ -290,6 +330,19 @@ fn resolve(variant: &Variant, classes: &[Class], class: usize, leaves: Leaves) -
 
 fn opaque(variant: &Variant) -> Result<Composed> {
     text(variant, &[&WALK[..], &["tiles/opaque"]].concat())
+}
+
+fn stream(variant: &Variant, method: &Method) -> Result<Composed> {
+    let (id, common, constants) = (method.id(), method.common(), method.constants_text());
+    let hidden = if variant.hides {
+        &["tiles/opaque_read", "tiles/hidden"][..]
+    } else {
+        &["tiles/opaque_none", "tiles/hidden_none"]
+    };
+    let own = format!("methods/{id}");
+    let mut composed = text(variant, &[&WALK[..], &["tiles/stream"], hidden, common, &[&own]].concat())?;
+    composed.push(&constants, "parameters".into());
+    Ok(composed)
 }
 
 fn keep(variant: &Variant, stage: BuildStage) -> Result<Composed> {

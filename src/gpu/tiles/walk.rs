@@ -18,12 +18,18 @@ use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::Eye;
 use crate::gpu::upload::Uploaded;
 use crate::gpu::variant::{BuildStage, Variant};
+use crate::methods::Method;
 
 /// Triangles of a tile's list that one dispatch walks: a few milliseconds, or on a software driver, with what each takes
 /// inside (up to seven pieces, their edges, and samples), below the 65,535 loop iterations after which Mesa's llvmpipe
 /// ends every loop of an invocation.
 pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
-    if gpu.adapter.is_software() { 60_000 / (9 * samples + 21) } else { 1 << 14 }
+    if gpu.adapter.is_software() { 60_000 / walk_trips(samples) } else { 1 << 14 }
+}
+
+/// Loop iterations of a walk for each triangle, at most.
+pub fn walk_trips(samples: u32) -> u32 {
+    9 * samples + 21
 }
 
 /// Triangles of a tile's list that one workgroup keeps the fragments of.
@@ -177,6 +183,31 @@ impl Walker {
         // Of equal depths the later triangle hides, so slices come one after the other.
         let count = window_length(of.gpu, of.variant().layout.samples);
         self.encode_slices(of, &mut pass, (grid.tiles_x, grid.tiles_y), count, 1);
+        Ok(())
+    }
+
+    /// Streams the fragments of rows of tiles into a method. `group`: what it binds beside the walk.
+    pub fn encode_stream(
+        &self,
+        of: Context,
+        method: &Method,
+        group: &wgpu::BindGroup,
+        rows: u32,
+        encoder: &mut wgpu::CommandEncoder,
+        timing: &Timing,
+    ) -> Result<()> {
+        let pipeline = of.stages().stream(of.gpu, of.variant(), method)?;
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("method"),
+            timestamp_writes: timing.compute("method"),
+        });
+        let window = self.bins.window(0, u32::MAX);
+        let window = with_contents(of.gpu, "window", BufferUsages::UNIFORM, &[window]);
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &self.bins.walk_group(of, &self.scene, &window), &[]);
+        pass.set_bind_group(1, group, &[]);
+        self.opaque.set_read(of, &mut pass);
+        pass.dispatch_workgroups(self.bins.grid.tiles_x, rows, 1);
         Ok(())
     }
 

@@ -1,0 +1,229 @@
+"""The table of methods: what each is, what it is given, what it costs, and what can be relied on.
+
+Argument checks, `abuffer.methods()`, the documentation and the tests of invariants walk the same rows.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from . import _check
+from .errors import ParameterError
+
+# What holds for a method's image, or does not: tests show both.
+FLAGS = {
+    "single": "one fragment is composited exactly",
+    "equal_colors": "fragments of one colour, the alphas whatever they are, are composited exactly",
+    "noop_alpha0": "fragments of alpha 0 change nothing",
+    "opaque_front": "nothing shows from behind a nearest fragment of alpha 1",
+    "exact_coverage": "alpha is 1 − Π (1 − αᵢ)",
+    "order_free": "the order of submission changes nothing but roundings",
+    "hull": "each channel lies between the least and the greatest of the fragments' and the background's",
+    "modes": "blend modes other than over are taken",
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of methods: one of `choices`, True or False, or a number from `low` to `high`."""
+
+    name: str
+    default: object
+    about: str
+    choices: tuple = ()
+    low: float = 0
+    high: float = float("inf")
+    is_integer: bool = True
+
+    def checked(self, value):
+        if self.choices:
+            return _check.choice(self.name, value, self.choices)
+        if isinstance(self.default, bool):
+            return _check.flag(self.name, value)
+        number = _check.number(self.name, value, self.low, self.high)
+        if self.is_integer and number != int(number):
+            raise ParameterError(f"{self.name} must be an integer from {self.low} to {self.high}, got {value!r}")
+        return int(number) if self.is_integer else number
+
+    def __str__(self):
+        if self.choices:
+            return f"{self.name}={self.default!r} of {', '.join(map(repr, self.choices))}"
+        range_of = "" if isinstance(self.default, bool) else f" from {self.low:g} to {self.high:g}"
+        return f"{self.name}={self.default!r}{range_of}"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row.
+
+    Attributes:
+        source: authors, year and venue.
+        order: "front_to_back", "submission", or "any": the order in which fragments are composited.
+        passes: over the geometry, from the parameters.
+        bytes_per_pixel: what the published form keeps, from the parameters: a number, or text where that depends on
+            the scene.
+        exact_when: where its image is that of `exact`.
+        flags: names of FLAGS.
+        takes_range: depths are normalised by a `depth_range`.
+    """
+
+    id: str
+    title: str
+    source: str
+    order: str
+    passes: Callable
+    bytes_per_pixel: Callable
+    exact_when: str
+    flags: frozenset
+    parameters: tuple = ()
+    deterministic: str = "yes"
+    takes_range: bool = False
+
+    def checked(self, given) -> dict:
+        """All parameters: those `given`, the others' defaults."""
+        return {p.name: p.checked(given.get(p.name, p.default)) for p in self.parameters}
+
+    @property
+    def options(self) -> tuple:
+        """Names of all that may be given."""
+        return (*(p.name for p in self.parameters), *(("depth_range",) if self.takes_range else ()))
+
+    def row(self) -> dict:
+        defaults = self.checked({})
+        return {
+            "title": self.title,
+            "order": self.order,
+            "passes": str(self.passes(**defaults)),
+            "bytes per pixel": str(self.bytes_per_pixel(**defaults)),
+            "parameters": "; ".join(map(str, self.parameters)) or "none",
+            "exact": self.exact_when,
+            "deterministic": self.deterministic,
+            "source": self.source,
+        }
+
+
+def _k(default, about):
+    return Parameter("k", default, about, low=1, high=64)
+
+
+def _flags(*names):
+    assert set(names) <= set(FLAGS), names
+    return frozenset(names)
+
+
+ALL = (
+    Method(
+        id="exact",
+        title="every fragment, sorted and composited",
+        source="Porter and Duff 1984, SIGGRAPH; Carpenter 1984, SIGGRAPH; Yang et al. 2010, EGSR",
+        order="front_to_back",
+        passes=lambda: 1,
+        bytes_per_pixel=lambda: "4 + 16 a fragment as linked lists, 0 in tiles",
+        exact_when="always",
+        flags=_flags(*FLAGS),
+    ),
+    Method(
+        id="k_buffer",
+        title="the k nearest exactly, the others as a tail",
+        source="Bavoil et al. 2007, I3D",
+        order="submission",
+        passes=lambda k, tail: 2 if tail == "blend" else 1,
+        bytes_per_pixel=lambda k, tail: 8 * k + {"drop": 4, "blend": 12, "average": 20}[tail],
+        exact_when="at most k fragments in a pixel",
+        flags=_flags("single", "opaque_front", "order_free", "hull"),
+        parameters=(
+            _k(8, "fragments that are kept"),
+            Parameter("tail", "drop", "what becomes of the others", ("drop", "blend", "average")),
+        ),
+    ),
+    Method(
+        id="weighted_average",
+        title="the mean colour, as so many layers of the mean alpha",
+        source="Bavoil and Myers 2008, NVIDIA",
+        order="any",
+        passes=lambda: 1,
+        bytes_per_pixel=lambda: 20,
+        exact_when="all alphas and all colours of a pixel are equal",
+        flags=_flags("single", "order_free", "hull"),
+    ),
+    Method(
+        id="wboit",
+        title="a mean colour weighted by depth, with exact coverage",
+        source="McGuire and Bavoil 2013, JCGT 2(2)",
+        order="any",
+        passes=lambda weight: 1,
+        bytes_per_pixel=lambda weight: 20,
+        exact_when="one fragment, or all colours of a pixel equal",
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
+        parameters=(
+            Parameter(
+                "weight",
+                "7",
+                'the equation of the paper that weighs fragments, or "none": all alike',
+                ("7", "8", "9", "10", "none"),
+            ),
+        ),
+        takes_range=True,
+    ),
+)
+METHODS = {method.id: method for method in ALL}
+# What is no method's own option has none of these names.
+PARAMETERS = tuple(dict.fromkeys(name for method in ALL for name in method.options))
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A method with its parameters, checked."""
+
+    method: Method
+    parameters: dict
+    depth_range: tuple | None = field(default=None)
+
+    def refuse_modes(self, modes):
+        """Raises a ParameterError if there are blend modes, by whatever name, and the method takes none."""
+        if len(modes) and "modes" not in self.method.flags:
+            able = [method.id for method in ALL if "modes" in method.flags]
+            raise ParameterError(
+                f'method {self.method.id!r} is for blend="over" alone, and there is {modes[0]!r}: '
+                f"those that take modes are {', '.join(able)}"
+            )
+
+    def parts(self, nearest=None, farthest=None) -> dict:
+        """As the core takes it. The depths are those of what is rendered, where none were given."""
+        depths = self.depth_range or (nearest, farthest)
+        own = dict(zip(("nearest", "farthest"), depths, strict=True)) if self.method.takes_range else {}
+        return {"method": self.method.id, "parameters": self.parameters | own}
+
+
+def chosen(name, options, others, function, arguments) -> Chosen:
+    """The method `name` with those of `options` that are its own.
+
+    Args:
+        others: options that are no method's.
+        function, arguments: what is called, and the names of its own arguments.
+
+    Raises:
+        ParameterError: an unknown method, an option that neither it nor `others` have, or a value out of range.
+    """
+    _check.choice("method", name, METHODS)
+    method = METHODS[name]
+    for option in options:
+        if option in PARAMETERS and option not in method.options:
+            have = [other.id for other in ALL if option in other.options]
+            raise ParameterError(
+                f"{option} is no parameter of method {name!r}, which has {', '.join(method.options) or 'none'}; "
+                f"it is one of {', '.join(have)}"
+            )
+    _check.arguments(function, options, (*method.options, *others), f"method {name!r}", arguments)
+    depth_range = options.get("depth_range")
+    return Chosen(method, method.checked(options), None if depth_range is None else _depths(depth_range))
+
+
+def _depths(value):
+    try:
+        nearest, farthest = value
+    except (TypeError, ValueError):
+        raise ParameterError(f"depth_range must be two depths, nearest and farthest, got {value!r}") from None
+    nearest, farthest = _check.number("depth_range[0]", nearest), _check.number("depth_range[1]", farthest)
+    if not nearest <= farthest:
+        raise ParameterError(f"depth_range must rise, got {value!r}")
+    return nearest, farthest

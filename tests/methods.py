@@ -1,0 +1,139 @@
+"""What tests of methods share: random lists, the rows of variants and tolerances, and what each flag of the table means.
+
+A method adds its rows here: parameters to try beside the defaults, and a tolerance where roundings are not all there is.
+"""
+
+import numpy as np
+
+import abuffer as ab
+from abuffer._methods import METHODS
+
+U = 2.0**-24
+
+# Parameters that are tried, beside the defaults.
+VARIANTS = {
+    "k_buffer": [{"k": 1}, {"k": 3, "tail": "blend"}, {"k": 3, "tail": "average"}],
+    "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
+}
+# How far CPU float32 and a GPU may be from float64 in an image of colours in [0, 1]: what up to 40 layers round, and what
+# depths themselves are off by.
+TOLERANCE = {
+    # Weights are up to the sixth power of a depth, whose error comes with it.
+    "wboit": 2e-5,
+}
+DEFAULT_TOLERANCE = 5e-6
+
+
+def variants(ids=None):
+    """Each method but exact with its defaults and with the parameters of VARIANTS."""
+    ids = [id for id in METHODS if id != "exact"] if ids is None else ids
+    return [(id, options) for id in ids for options in ({}, *VARIANTS.get(id, ()))]
+
+
+def name_of(variant):
+    id, options = variant
+    return "-".join([id, *(f"{key}={value}" for key, value in options.items())])
+
+
+def tolerance(id):
+    return TOLERANCE.get(id, DEFAULT_TOLERANCE)
+
+
+def lists_of(depths, colors, order=None, background=(0, 0, 0, 0)):
+    """Fragments (P, n) and (P, n, 4) of P pixels in a row, in any order; `order`: of submission, (P, n)."""
+    depths, colors = np.asarray(depths, float), np.asarray(colors, float)
+    order = np.broadcast_to(np.arange(depths.shape[1]), depths.shape) if order is None else order
+    return ab.Fragments.from_padded(
+        depths[None], colors[None], primitive=np.asarray(order)[None], background=background
+    )
+
+
+def random_stacks(n, pixels=200, seed=0, alpha=1.0):
+    """Depths, colours and an order of submission of n fragments in each of some pixels, all random."""
+    rng = np.random.default_rng([seed, n])
+    colors = rng.uniform(0, 1, (pixels, n, 4))
+    colors[..., 3] *= alpha
+    order = rng.permuted(np.broadcast_to(np.arange(n), (pixels, n)), axis=1)
+    return rng.uniform(1, 10, (pixels, n)), colors, order
+
+
+LENGTHS = (1, 2, 5, 12, 24)
+BEHIND = (0.2, 0.6, 0.4, 0.5)
+RANGE = (0.5, 12.0)
+
+
+def composite(variant, frags):
+    id, options = variant
+    takes_range = {"depth_range": RANGE} if METHODS[id].takes_range else {}
+    return frags.composite(id, **options, **takes_range)
+
+
+def off_single(variant):
+    depths, colors, order = random_stacks(1)
+    frags = lists_of(depths, colors, order, BEHIND)
+    return composite(variant, frags) - frags.composite()
+
+
+def off_equal_colors(variant):
+    errors = []
+    for n in LENGTHS:
+        depths, colors, order = random_stacks(n)
+        colors[..., :3] = colors[:, :1, :3]
+        frags = lists_of(depths, colors, order, BEHIND)
+        errors.append(composite(variant, frags) - frags.composite())
+    return np.concatenate(errors)
+
+
+def off_noop_alpha0(variant):
+    errors = []
+    for n in LENGTHS:
+        depths, colors, order = random_stacks(2 * n)
+        colors[:, n:, 3] = 0
+        with_none = lists_of(depths, colors, order, BEHIND)
+        without = lists_of(depths[:, :n], colors[:, :n], order[:, :n], BEHIND)
+        errors.append(composite(variant, with_none) - composite(variant, without))
+    return np.concatenate(errors)
+
+
+def off_opaque_front(variant):
+    errors = []
+    for n in LENGTHS:
+        depths, colors, order = random_stacks(n)
+        front = np.argmin(depths, axis=1)[:, None]
+        np.put_along_axis(colors[..., 3], front, 1.0, axis=1)
+        wanted = np.take_along_axis(colors, front[..., None], axis=1)[:, 0]
+        errors.append(composite(variant, lists_of(depths, colors, order, BEHIND))[0] - wanted)
+    return np.concatenate(errors)
+
+
+def off_exact_coverage(variant):
+    errors = []
+    for n in LENGTHS:
+        depths, colors, order = random_stacks(n, alpha=0.9)
+        image = composite(variant, lists_of(depths, colors, order))
+        errors.append(image[0, :, 3] + np.expm1(np.log1p(-colors[..., 3]).sum(axis=1)))
+    return np.concatenate(errors)
+
+
+def off_order_free(variant):
+    errors = []
+    for n in LENGTHS:
+        depths, colors, order = random_stacks(n)
+        images = [composite(variant, lists_of(depths, colors, o, BEHIND)) for o in (order, order[:, ::-1])]
+        errors.append(images[0] - images[1])
+    return np.concatenate(errors)
+
+
+def off_hull(variant):
+    errors = []
+    for n in LENGTHS:
+        depths, colors, order = random_stacks(n)
+        background = (0.2, 0.6, 0.4, 1.0)
+        image = composite(variant, lists_of(depths, colors, order, background))[0]
+        all_colors = np.concatenate([colors, np.broadcast_to(background, (len(colors), 1, 4))], axis=1)[..., :3]
+        low, high = all_colors.min(axis=1), all_colors.max(axis=1)
+        errors.append(np.maximum(np.maximum(low - image[..., :3], image[..., :3] - high), 0))
+    return np.concatenate(errors)
+
+
+OFF = {name.removeprefix("off_"): function for name, function in list(globals().items()) if name.startswith("off_")}

@@ -1,0 +1,168 @@
+"""Invariants of every method: those that its row of the table names hold, the others fail; and all pipelines agree."""
+
+import numpy as np
+import pytest
+
+import abuffer as ab
+import methods
+from abuffer import ParameterError, _core
+from abuffer._methods import FLAGS, METHODS, PARAMETERS
+
+CAMERA = ab.Camera.look_at((0, 0, 4), (0, 0, 0))
+SIZE = {"width": 61, "height": 45}
+
+
+def scene(opaque=False, seed=5):
+    """40 triangles, perhaps a wall among them. A colour a face: what interpolation rounds is not the methods'."""
+    rng = np.random.default_rng(seed)
+    triangles = rng.uniform(-1, 1, (40, 1, 3)) + rng.uniform(-0.6, 0.6, (40, 3, 3))
+    meshes = [ab.Mesh(triangles, colors=rng.uniform(0.05, 1, (40, 4)))]
+    if opaque:
+        meshes.append(ab.Mesh([[[-3, -3, -0.5], [3, -3, -0.5], [0, 3, -0.5]]], colors=(0.2, 0.5, 0.9), opaque=True))
+    return meshes
+
+
+def test_the_core_and_the_table_have_the_same_methods():
+    assert _core.methods() == list(METHODS) == list(ab.methods())
+
+
+@pytest.mark.parametrize("flag", sorted(set(FLAGS) - {"modes"}))
+@pytest.mark.parametrize("id", METHODS)
+def test_a_flag_says_whether_an_invariant_holds(id, flag):
+    """One that is false must fail: else it says nothing, or the test shows nothing."""
+    worst = np.abs(methods.OFF[flag]((id, {}))).max()
+    if flag in METHODS[id].flags:
+        assert worst < 1e-10, f"{FLAGS[flag]}: off by {worst:.3g}"
+    else:
+        assert worst > 1e-4, f"{FLAGS[flag]}: off by {worst:.3g} alone, though the table says that it does not hold"
+
+
+@pytest.mark.parametrize("id", METHODS)
+def test_modes_are_taken_or_refused(id):
+    mesh = ab.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0, 0, 0.5), blend="additive")
+    if "modes" in METHODS[id].flags:
+        assert ab.render(mesh, CAMERA, **SIZE, device="cpu", method=id).image.any()
+        return
+    with pytest.raises(ParameterError, match="is for blend=\"over\" alone, and there is 'additive'"):
+        ab.render(mesh, CAMERA, **SIZE, device="cpu", method=id)
+    frags = ab.render(mesh, CAMERA, **SIZE, device="cpu", fragments=True).fragments
+    with pytest.raises(ParameterError, match='is for blend="over" alone'):
+        frags.composite(id)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("opaque", [False, True])
+@pytest.mark.parametrize("variant", methods.variants(), ids=methods.name_of)
+def test_a_render_is_the_composite_of_its_lists(variant, opaque, samples):
+    """In float64 to the last digits: both resolve the same fragments, and a mean of four rounds."""
+    id, options = variant
+    if METHODS[id].takes_range:
+        options = options | {"depth_range": (2.0, 6.0)}
+    background = (0.1, 0.2, 0.3, 0.5)
+    frame = ab.render(
+        scene(opaque), CAMERA, **SIZE, method=id, precision="float64", fragments=True, samples=samples,
+        background=background, **options,
+    )  # fmt: skip
+    again = frame.fragments.composite(id, **options)
+    np.testing.assert_allclose(frame.image, again, rtol=1e-12, atol=1e-15)
+    assert np.isfinite(frame.image).all()
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("opaque", [False, True])
+@pytest.mark.parametrize("variant", methods.variants(), ids=methods.name_of)
+def test_float32_and_gpus_agree_with_float64(variant, opaque, samples, needs_gpu):
+    id, options = variant
+    images = {}
+    for device, precision in (("cpu", "float64"), ("cpu", "float32"), ("gpu", "float32")):
+        frame = ab.render(
+            scene(opaque), CAMERA, **SIZE, method=id, device=device, precision=precision, pipeline="tiles",
+            samples=samples, background=(0.1, 0.2, 0.3, 0.5), fragments="count", **options,
+        )  # fmt: skip
+        images[device, precision] = frame
+        assert np.isfinite(frame.image).all()
+    double, single, gpu = images.values()
+    np.testing.assert_allclose(single.image, double.image, atol=methods.tolerance(id))
+    np.testing.assert_allclose(gpu.image, single.image, atol=methods.tolerance(id))
+    np.testing.assert_array_equal(gpu.counts, single.counts)
+    for what in ("fragments", "max_depth_complexity", "dropped_fragments", "merged_fragments"):
+        assert getattr(gpu.stats, what) == getattr(single.stats, what), what
+
+
+def test_that_agreement_would_fail_for_another_parameter(needs_gpu):
+    """The comparison above tells k = 2 from k = 3."""
+    images = [
+        ab.render(scene(), CAMERA, **SIZE, method="k_buffer", k=k, device=device, pipeline="tiles").image
+        for k, device in ((2, "cpu"), (3, "gpu"))
+    ]
+    assert np.abs(images[0] - images[1]).max() > 10 * methods.tolerance("k_buffer")
+
+
+@pytest.mark.parametrize("variant", methods.variants(), ids=methods.name_of)
+def test_lists_come_with_any_method(variant, needs_gpu):
+    id, options = variant
+    wanted = ab.render(scene(), CAMERA, **SIZE, device="cpu", fragments=True).fragments
+    for device in ("cpu", "gpu"):
+        frame = ab.render(
+            scene(), CAMERA, **SIZE, method=id, device=device, pipeline="tiles", fragments=True, **options
+        )
+        np.testing.assert_array_equal(frame.fragments.key, wanted.key)
+        np.testing.assert_array_equal(frame.fragments.primitive, wanted.primitive)
+
+
+@pytest.mark.parametrize("id", [id for id in METHODS if id != "exact"])
+def test_an_empty_pixel_shows_the_background(id, needs_gpu):
+    background = (0.1, 0.2, 0.3, 0.5)
+    wanted = np.float32([0.05, 0.1, 0.15, 0.5])
+    for device in ("cpu", "gpu"):
+        frame = ab.render(
+            scene(), ab.Camera.look_at((0, 0, 4), (0, 0, 9)), **SIZE, method=id, device=device, pipeline="tiles",
+            background=background,
+        )  # fmt: skip
+        np.testing.assert_allclose(frame.image, np.broadcast_to(wanted, frame.image.shape), atol=1e-7)
+
+
+def test_what_tiles_hold_in_parts_is_the_same_image(needs_gpu):
+    """An image of more rows than one binding has room for, and an image in bands of bins."""
+    whole = ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu", pipeline="tiles")
+    banded = ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu", pipeline="tiles", memory=2048)
+    np.testing.assert_array_equal(whole.image, banded.image)
+
+
+def test_other_pipelines_have_exact_alone(needs_gpu):
+    with pytest.raises(ParameterError, match="pipeline 'linked_list' has method \"exact\" alone"):
+        ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu", pipeline="linked_list")
+    assert ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu").plan["pipeline"] == "tiles"
+
+
+def test_unknown_parameters_name_the_methods_that_have_them():
+    with pytest.raises(ParameterError, match=r"k is no parameter of method 'wboit', which has weight.*k_buffer"):
+        ab.render(scene(), CAMERA, **SIZE, method="wboit", k=4)
+    with pytest.raises(ParameterError, match="did you mean 'weight'"):
+        ab.render(scene(), CAMERA, **SIZE, method="wboit", wieght="7")
+    with pytest.raises(ParameterError, match="has no argument 'cutoff' and method 'wboit' no option of that name"):
+        ab.render(scene(), CAMERA, **SIZE, method="wboit", cutoff=0.1)
+    with pytest.raises(ParameterError, match=r"method must be one of .*; did you mean 'wboit'"):
+        ab.render(scene(), CAMERA, **SIZE, method="woit")
+
+
+@pytest.mark.parametrize("id", METHODS)
+def test_parameters_out_of_range_are_refused(id):
+    for parameter in METHODS[id].parameters:
+        bad = ["nonsense", None]
+        if not parameter.choices and not isinstance(parameter.default, bool):
+            bad += [parameter.low - 1, np.nan, *([parameter.high + 1] if np.isfinite(parameter.high) else [])]
+            bad += [1.5] if parameter.is_integer else []
+        for value in bad:
+            with pytest.raises(ParameterError, match=parameter.name):
+                ab.render(scene(), CAMERA, **SIZE, device="cpu", method=id, **{parameter.name: value})
+
+
+def test_a_depth_range_is_two_rising_depths():
+    for value in (3, (2, 1), (0, np.inf), "ab"):
+        with pytest.raises(ParameterError, match="depth_range"):
+            ab.render(scene(), CAMERA, **SIZE, device="cpu", method="wboit", depth_range=value)
+
+
+def test_no_parameter_is_named_like_an_argument_or_another_option():
+    assert not set(PARAMETERS) & {*ab.job.ARGUMENTS, *ab.options.EXACT_OPTIONS}
