@@ -108,7 +108,7 @@ def test_the_make_targets_of_the_readme_exist():
     assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
 
 
-@pytest.mark.parametrize("table", [ab.methods, ab.pipelines])
+@pytest.mark.parametrize("table", [ab.pipelines])
 def test_the_tables_of_the_readme_are_the_real_ones(table):
     """Also where the examples cannot run, and whatever they print."""
     assert f"```text\n{table()}\n```\n" in README.read_text(encoding="utf-8")
