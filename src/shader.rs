@@ -82,6 +82,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/common/layer",
     "methods/common/absorbance",
     "methods/common/nearest",
+    "methods/bounds",
     "methods/k_buffer",
     "methods/weighted_average",
     "methods/wboit",

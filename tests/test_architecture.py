@@ -122,8 +122,9 @@ def test_methods_do_not_import_each_other():
 
 def test_a_method_is_two_files_of_its_name_and_a_row():
     shaders = ROOT / "shaders" / "methods"
-    assert {path.stem for path in method_files()} == set(ab.methods())
-    assert {path.stem for path in shaders.glob("*.wgsl")} == set(ab.methods())
+    files = {*ab.methods(), "bounds"}  # which is what is known of some
+    assert {path.stem for path in method_files()} == files
+    assert {path.stem for path in shaders.glob("*.wgsl")} == files
 
 
 def test_a_method_has_the_same_functions_in_rust_and_wgsl():

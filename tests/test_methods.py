@@ -23,7 +23,8 @@ def scene(opaque=False, seed=5):
 
 
 def test_the_core_and_the_table_have_the_same_methods():
-    assert _core.methods() == list(METHODS) == list(ab.methods())
+    # Beside them the core has what tells how far off some may be.
+    assert set(_core.methods()) - {"bounds"} == set(METHODS) == set(ab.methods())
 
 
 @pytest.mark.parametrize("flag", sorted(set(FLAGS) - {"modes"}))

@@ -26,7 +26,8 @@ class Stats:
     bytes: dict = field(default_factory=dict)  # held at most, per use
     ms: dict = field(default_factory=dict)  # per stage, in the order they ran
     device: str = ""
-    # What a channel may be off by for `cutoff`, beside the same render without it; roundings come on top.
+    # What a channel may be off by: for `max_error` in all; for `cutoff` beside the same render without it, and roundings
+    # come on top.
     error_bound: float = 0.0
     merged_fragments: int = 0  # together with others, by a bounded method; 0 where exact
     gpu_ms: float | None = None  # from the first begin to the last end of a GPU's stages, where one submission has all
@@ -65,6 +66,7 @@ class Frame:
         fragments: the lists, None unless render got fragments=True or "all".
         stats: what was measured.
         plan: what was chosen, and why.
+        error_bound: (H, W) float64, what each pixel may be off by at most in any channel, None unless render got max_error.
         camera: what it was seen by, of this image's size; later changes of a scene that `Camera.fit` looked at
             do not move it.
     """
@@ -75,6 +77,7 @@ class Frame:
     stats: Stats
     plan: Plan
     camera: Camera | None = None
+    error_bound: np.ndarray | None = None
 
     def __repr__(self):
         height, width, *samples, _ = self.image.shape

@@ -194,7 +194,7 @@ def prepared(
     )
 
 
-ARGUMENTS = tuple(name for name in inspect.signature(prepared).parameters if name != "options")
+ARGUMENTS = (*(name for name in inspect.signature(prepared).parameters if name != "options"), "max_error")
 
 
 # Depths below this share of the farthest are as near as it: a logarithm has no place for an eye amid a scene.

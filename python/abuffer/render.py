@@ -1,5 +1,6 @@
 """One call from a scene to a frame."""
 
+from . import within
 from .frame import Frame
 from .job import prepared
 from .mesh import Mesh
@@ -19,6 +20,7 @@ def render(
     fragments=False,
     precision="float32",
     memory=None,
+    max_error=None,
     **options,
 ) -> Frame:
     """Renders a scene: the exact image whatever order the triangles come in, and the lists behind it.
@@ -37,6 +39,9 @@ def render(
         fragments: True: the lists too; "count": their lengths; "all": opaque surfaces too, hiding nothing. False:
             the frame's `fragments` and `counts` are None.
         precision: "float32", or "float64" on the CPU.
+        max_error: let the image be off by up to this in every channel, wherever that is proven to be all, and take the cheapest
+            method for it: `frame.plan` says which and why, and `frame.error_bound` by how much each pixel may be off, beside
+            the same fragments composited exactly. None, the default: as `method` says.
         memory: bytes, or "2GiB", that lists, bins and scratch may take; not what is returned.
 
     Options of every method:
@@ -76,21 +81,22 @@ def render(
     >>> frame.image[24, 32].tolist(), frame.fragments[24, 32].primitive.tolist()
     ([0.75, 0.0, 0.0, 0.75], [1, 0])
     """
-    job = prepared(
-        scene,
-        camera,
-        width=width,
-        height=height,
-        method=method,
-        pipeline=pipeline,
-        device=device,
-        samples=samples,
-        background=background,
-        fragments=fragments,
-        precision=precision,
-        memory=memory,
+    arguments = {
+        "width": width,
+        "height": height,
+        "method": method,
+        "pipeline": pipeline,
+        "device": device,
+        "samples": samples,
+        "background": background,
+        "fragments": fragments,
+        "precision": precision,
+        "memory": memory,
         **options,
-    )
+    }
+    if max_error is not None:
+        return within.rendered(scene, camera, arguments, max_error)
+    job = prepared(scene, camera, **arguments)
     return job.frame(job.output())
 
 

@@ -2,7 +2,7 @@
 
 from collections import deque
 
-from . import _core, _methods, tables
+from . import _core, _methods, tables, within
 from .camera import Camera
 from .errors import ParameterError
 from .frame import Frame
@@ -56,6 +56,8 @@ class Renderer:
         """
         scene = self._own(scene)
         self._check_names(arguments)
+        if arguments.get("max_error") is not None:
+            return self._within(scene, camera, arguments)
         job = self._job(scene, camera, arguments)
         return job.frame(job.output(scene._upload(job.adapter)))
 
@@ -107,6 +109,9 @@ class Renderer:
 
     def _begun(self, scene, camera, arguments):
         """A function that returns the frame of a camera, which a GPU has begun if one submission does."""
+        if arguments.get("max_error") is not None:
+            frame = self._within(scene, camera, arguments)
+            return lambda: frame
         job = self._job(scene, camera, arguments)
         upload = scene._upload(job.adapter)
         begun = upload and job.begin(upload)
@@ -124,7 +129,14 @@ class Renderer:
         _methods.chosen(method, options, others, "render", ARGUMENTS)
 
     def _job(self, scene, camera, arguments):
-        return prepared(scene.scene, camera, device=self.device, **arguments)
+        given = {name: value for name, value in arguments.items() if name != "max_error"}  # which is None
+        return prepared(scene.scene, camera, device=self.device, **given)
+
+    def _within(self, scene, camera, arguments):
+        given = {name: value for name, value in arguments.items() if name != "max_error"} | {"device": self.device}
+        return within.rendered(
+            scene.scene, camera, given, arguments["max_error"], lambda job: scene._upload(job.adapter)
+        )
 
     def _own(self, scene):
         if not isinstance(scene, UploadedScene):

@@ -5,6 +5,7 @@
 //! nothing of pipelines. Methods never name each other; what several of them need is in
 //! `common`.
 
+mod bounds;
 mod common;
 pub mod exact;
 mod k_buffer;
@@ -12,6 +13,7 @@ mod wboit;
 mod weighted_average;
 
 use crate::real::Real;
+pub use bounds::Bounds;
 pub use common::parameters::{Parameters, Value};
 pub use k_buffer::KBuffer;
 pub use wboit::Wboit;
@@ -154,6 +156,7 @@ macro_rules! methods {
 
 // One line a method: its id, which names its files, and its parameters.
 methods! {
+    "bounds" Bounds,
     "k_buffer" KBuffer,
     "weighted_average" WeightedAverage,
     "wboit" Wboit,

@@ -22,6 +22,10 @@ impl<T: Real> Nearest<T> {
         self.0.iter().fold(Layer::clear(), |front, f| front.onto(Layer::of(f.color)))
     }
 
+    pub fn alphas(&self) -> impl Iterator<Item = T> {
+        self.0.iter().map(|f| f.color[3])
+    }
+
     /// Takes a fragment in. Returns the farthest, which is this one perhaps, if that makes more than `k`.
     #[inline]
     pub fn insert(&mut self, fragment: Fragment<T>, k: usize) -> Option<Fragment<T>> {
