@@ -79,6 +79,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "blend/front_to_back",
     "blend/back_to_front",
     "methods/exact",
+    "methods/common/fragment",
     "methods/common/layer",
     "methods/common/absorbance",
     "methods/common/nearest",
@@ -147,6 +148,12 @@ impl Composed {
         self.starts.push((self.text.lines().count(), origin));
         self.text.push_str(source);
         self.text.push('\n');
+    }
+
+    /// A user's text.
+    pub fn push_foreign(&mut self, source: &str, origin: &str) {
+        self.has_foreign = true;
+        self.push(source, origin.into());
     }
 
     /// All of it is this crate's own, as it was built.
@@ -257,6 +264,56 @@ pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
     let line = line.saturating_sub(lines_before).clamp(1, text.lines().count().max(1));
     let own = text.lines().nth(line - 1).unwrap_or_default().trim();
     Err(Error::Shader { file: name.into(), line, message: format!("{message}, in `{own}`{hint}") })
+}
+
+/// Files that a method of a user's may call functions of; the last where it has a `K`.
+pub const FOR_METHODS: [&str; 3] =
+    ["methods/common/layer", "methods/common/absorbance", "methods/common/nearest"];
+
+/// Checks a user's method, by itself, so that what is wrong with it is told in its own lines, on any device or none.
+/// `constants`: its parameters, as WGSL. Returns whether it loops.
+pub fn user_method(id: &str, text: &str, constants: &str, has_k: bool) -> Result<bool> {
+    let mut files = vec!["common", "exact", "methods/common/fragment"];
+    files.extend(&FOR_METHODS[..if has_k { 3 } else { 2 }]);
+    let prelude = "const DIVIDES_EXACTLY = false;\nvar<private> view: View;\nvar<private> method: Method;\n";
+    let mut composed = Composed::new(prelude.into(), &files)?;
+    composed.push(constants, "parameters".into());
+    composed.push_foreign(text, id);
+    // As shaders/tiles/stream.wgsl calls it.
+    let calls = "var<private> state: State;\n\
+         fn calls(f: Fragment, behind: vec4f) -> vec4f {\n\
+             state = begin(Place(vec2u(0u), 0u));\n\
+             if turn(&state, 0u) { insert(&state, f, 0u); }\n\
+             return end(&state, behind) * f32(left_out(&state, 1u));\n\
+         }\n";
+    composed.push(calls, "what calls a method: begin, turn, insert, end, left_out".into());
+    let module = naga::front::wgsl::parse_str(&composed.text).map_err(|e| {
+        let line = e.location(&composed.text).map_or(1, |l| l.line_number as usize);
+        composed.error(line, e.message())
+    })?;
+    if !module.entry_points.is_empty() {
+        return Err(Error::Shader {
+            file: id.into(),
+            line: 1,
+            message: "a method has no entry point".into(),
+        });
+    }
+    if module.functions.iter().any(|(_, function)| block_has(&function.body, &is_collective)) {
+        let message = "a method must not wait or discard: a pixel is by itself".into();
+        return Err(Error::Shader { file: id.into(), line: 1, message });
+    }
+    let mut validator =
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+    validator.validate(&module).map_err(|e| {
+        let line = e.location(&composed.text).map_or(1, |l| l.line_number as usize);
+        composed.error(line, &innermost(e.as_inner()))
+    })?;
+    let is_loop = |statement: &naga::Statement| matches!(statement, naga::Statement::Loop { .. });
+    let theirs = composed.starts.iter().find(|(_, origin)| origin == id).map_or(0, |(start, _)| *start);
+    let before: String = composed.text.lines().take(theirs).flat_map(|line| [line, "\n"]).collect();
+    let is_ours = |name: &str| before.contains(&format!("fn {name}("));
+    let mut own = module.functions.iter().filter(|(_, f)| !f.name.as_deref().is_some_and(is_ours));
+    Ok(own.any(|(_, f)| block_has(&f.body, &is_loop)))
 }
 
 /// A blend is one function of its arguments: what it says must mean the same wherever it is put.

@@ -16,11 +16,14 @@ import pytest
 
 import abuffer as ab
 from abuffer.__main__ import main
+from abuffer._methods import METHODS
 
 ROOT = Path(__file__).parents[1]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
+# Pages whose examples run.
 CONVENTIONS, LISTS, BLENDING = DOCS / "conventions.md", DOCS / "lists.md", DOCS / "blending.md"
-PAGES = pytest.mark.parametrize("page", [README, CONVENTIONS, LISTS, BLENDING], ids=lambda page: page.stem)
+ADDING = DOCS / "adding-a-method.md"
+PAGES = pytest.mark.parametrize("page", [README, CONVENTIONS, LISTS, BLENDING, ADDING], ids=lambda page: page.stem)
 
 
 def blocks(page):
@@ -59,7 +62,10 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("ABUFFER_DEVICE", "cpu")  # what is printed is the same everywhere
     trimesh.creation.icosphere(subdivisions=3, radius=0.8).export("bunny.ply")
     trimesh.creation.box((1, 1, 1)).export("model.glb")
-    return tmp_path
+    registered = dict(METHODS)
+    yield tmp_path
+    METHODS.clear()
+    METHODS.update(registered)
 
 
 @PAGES

@@ -1,6 +1,7 @@
 """Exact order-independent transparency, with the per-pixel fragment lists behind the image."""
 
 from . import _core, testing
+from ._methods import Parameter as MethodParameter
 from .blend import BLENDS, Blend
 from .camera import Camera
 from .errors import (
@@ -15,6 +16,7 @@ from .errors import (
 from .fragments import Fragments
 from .frame import Frame
 from .mesh import Mesh
+from .own_methods import register_method
 from .render import render, render_triangles
 from .renderer import Renderer
 from .scene import Scene
@@ -30,6 +32,7 @@ __all__ = [
     "Fragments",
     "Frame",
     "Mesh",
+    "MethodParameter",
     "ParameterError",
     "Renderer",
     "Scene",
@@ -39,6 +42,7 @@ __all__ = [
     "devices",
     "methods",
     "pipelines",
+    "register_method",
     "render",
     "render_triangles",
     "testing",

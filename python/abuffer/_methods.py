@@ -64,6 +64,7 @@ class Method:
         exact_when: where its image is that of `exact`.
         flags: names of FLAGS.
         takes_range: depths are normalised by a `depth_range`.
+        wgsl, numpy, loops: of a method that was registered (own_methods.py).
     """
 
     id: str
@@ -77,6 +78,9 @@ class Method:
     parameters: tuple = ()
     deterministic: str = "yes"
     takes_range: bool = False
+    wgsl: str | None = None
+    numpy: Callable | None = None
+    loops: int | None = 0
 
     def checked(self, given) -> dict:
         """All parameters: those `given`, the others' defaults."""
@@ -165,9 +169,12 @@ ALL = (
         takes_range=True,
     ),
 )
-METHODS = {method.id: method for method in ALL}
-# What is no method's own option has none of these names.
-PARAMETERS = tuple(dict.fromkeys(name for method in ALL for name in method.options))
+METHODS = {method.id: method for method in ALL}  # and those that are registered
+
+
+def parameters() -> tuple:
+    """Names of all options that are some method's."""
+    return tuple(dict.fromkeys(name for method in METHODS.values() for name in method.options))
 
 
 @dataclass(frozen=True)
@@ -181,7 +188,7 @@ class Chosen:
     def refuse_modes(self, modes):
         """Raises a ParameterError if there are blend modes, by whatever name, and the method takes none."""
         if len(modes) and "modes" not in self.method.flags:
-            able = [method.id for method in ALL if "modes" in method.flags]
+            able = [method.id for method in METHODS.values() if "modes" in method.flags]
             raise ParameterError(
                 f'method {self.method.id!r} is for blend="over" alone, and there is {modes[0]!r}: '
                 f"those that take modes are {', '.join(able)}"
@@ -191,7 +198,29 @@ class Chosen:
         """As the core takes it. The depths are those of what is rendered, where none were given."""
         depths = self.depth_range or (nearest, farthest)
         own = dict(zip(("nearest", "farthest"), depths, strict=True)) if self.method.takes_range else {}
-        return {"method": self.method.id, "parameters": self.parameters | own}
+        return {"method": self.method.id, "parameters": self.parameters | own, "own": self._own()}
+
+    def _own(self):
+        """What a GPU runs of a method that was registered."""
+        method = self.method
+        if method.wgsl is None:
+            return None
+        passes = method.passes(**self.parameters)
+        return {"wgsl": method.wgsl, "constants": self.constants(), "passes": passes, "loops": method.loops}
+
+    def constants(self) -> str:
+        """The parameters as WGSL: integers are u32, choices their place among all."""
+        text = ""
+        for parameter in self.method.parameters:
+            value = self.parameters[parameter.name]
+            if parameter.choices:
+                said = f"{parameter.choices.index(value)}u"
+            elif isinstance(value, bool):
+                said = str(value).lower()
+            else:
+                said = f"{value}u" if parameter.is_integer else repr(float(value))
+            text += f"const {parameter.name.upper()} = {said};\n"
+        return text
 
 
 def chosen(name, options, others, function, arguments) -> Chosen:
@@ -207,8 +236,8 @@ def chosen(name, options, others, function, arguments) -> Chosen:
     _check.choice("method", name, METHODS)
     method = METHODS[name]
     for option in options:
-        if option in PARAMETERS and option not in method.options:
-            have = [other.id for other in ALL if option in other.options]
+        if option in parameters() and option not in method.options:
+            have = [other.id for other in METHODS.values() if option in other.options]
             raise ParameterError(
                 f"{option} is no parameter of method {name!r}, which has {', '.join(method.options) or 'none'}; "
                 f"it is one of {', '.join(have)}"

@@ -4,7 +4,7 @@ import operator
 
 import numpy as np
 
-from . import _check, _core, _methods, archive, columns, cutoff, geometry, options
+from . import _check, _core, _methods, archive, columns, cutoff, geometry, options, own_methods
 from .blend import BLENDS, composite, require, resolve
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
@@ -232,15 +232,18 @@ class Fragments:
             behind = self._behind(_check.background(background, self.shape, self.samples))
         behind = np.ascontiguousarray(behind, dtype=np.float64)
         least = self._least_transmittance(chosen.get("cutoff", 0), behind, msaa_resolve, order)
+        own_methods.require(how, "numpy", "compositing lists")
+        nearest, farthest = (float(self.depth.min()), float(self.depth.max())) if len(self) else (0.0, 0.0)
         how.refuse_modes(() if self.blend is None else [i for i in np.unique(self.blend) if i != 0])
         if self.blend is not None and (self.blend >= len(BLENDS)).any():
             image = self._by_layers(msaa_resolve, behind)
+        elif how.method.numpy is not None:
+            image = resolve(self._by_function(how, behind, (nearest, farthest)), msaa_resolve)
         else:
             lists = {name: getattr(self, name) for name in ("offsets", "color", "primitive", "coverage", "blend")}
             y0, x0, *_ = self._window
-            nearest, farthest = (self.depth.min(), self.depth.max()) if len(self) else (0.0, 0.0)
             settings = {
-                "method": how.parts(float(nearest), float(farthest)),
+                "method": how.parts(nearest, farthest),
                 "samples": self.samples,
                 "msaa_resolve": msaa_resolve,
                 "blend_order": order,
@@ -276,6 +279,11 @@ class Fragments:
             lists = [None if values is None else values[kept] for values in lists]
         samples = composite(offsets, *lists, behind.reshape(-1, self.samples, 4), own)
         return resolve(samples, msaa_resolve)
+
+    def _by_function(self, how, behind, depths):
+        """Samples (H·W, samples, 4) that a method's function of arrays makes."""
+        lists = (self.offsets, self.color, self.depth, self.primitive, self.coverage)
+        return own_methods.composite(how, *lists, behind.reshape(-1, self.samples, 4), depths)
 
     def to_padded(self, k=None) -> Padded:
         """The k nearest fragments of each pixel as dense arrays. None: as many as the deepest pixel has."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import _check, _core, _methods, tables
+from . import _check, _core, _methods, own_methods, tables
 from .blend import own_blends, require
 from .camera import Camera, _size
 from .cutoff import least_transmittance
@@ -29,6 +29,7 @@ class Job:
         adapter: its place in `_core.adapters()`, None for the CPU.
         may_change: the pipeline was chosen, not asked for.
         own: the Blends of the scene.
+        how: the method and its parameters.
         request, parts, view, behind: what the core takes.
     """
 
@@ -38,6 +39,7 @@ class Job:
     may_change: bool
     plan: list
     own: tuple
+    how: _methods.Chosen
     background: np.ndarray
     request: dict
     parts: list
@@ -49,9 +51,10 @@ class Job:
         """What the core gives: of a GPU's `_core.Upload`, if there is one that has this scene."""
         if self.adapter is not None:
             return self._on_gpu(upload or _core.Upload(self.adapter))
-        if self.own:
-            self.plan.append(("compositing", "numpy, in float64", "a Blend is a callable here"))
-            return render_by_layers(self.parts, self.view, self.request, self.behind, self.dtype, self.own)
+        if self.own or self.how.method.numpy is not None:
+            what = "a Blend" if self.own else "your method"
+            self.plan.append(("compositing", "numpy, in float64", f"{what} is a callable here"))
+            return render_by_layers(self.parts, self.view, self.request, self.behind, self.dtype, self.own, self.how)
         return _core.render_cpu(self.parts, self.view, self.request, self.behind, self.dtype == np.float64)
 
     def _on_gpu(self, upload):
@@ -152,7 +155,7 @@ def prepared(
     own = own_blends(mesh.blend for mesh in meshes)
     wants = tables.Wants(
         samples=samples,
-        numpy=any(blend.wgsl is None for blend in own),
+        numpy=any(blend.wgsl is None for blend in own) or (how.method.numpy is not None and how.method.wgsl is None),
         case=_case(meshes, samples, fragments, options),
         streams=method != "exact",
         triangles=scene.triangle_count,
@@ -160,7 +163,9 @@ def prepared(
     )
     may_change = pipeline == "auto"
     adapter, pipeline = tables.choose(pipeline, device, precision, os.environ.get("ABUFFER_DEVICE"), plan, wants)
-    require(own, *(("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")))
+    needed = ("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")
+    require(own, *needed)
+    own_methods.require(how, *needed)
     if method != "exact" and pipeline != "tiles":
         raise ParameterError(f'pipeline {pipeline!r} has method "exact" alone: give pipeline="tiles" for {method!r}')
     request = all_of(options, pipeline) | {
@@ -185,6 +190,7 @@ def prepared(
         may_change=may_change,
         plan=plan,
         own=own,
+        how=how,
         background=background,
         request=request,
         parts=[mesh._parts(own) for mesh in meshes],

@@ -172,7 +172,7 @@ def _auto(pipeline, precision, environment, wants):
     # Tiles find samples for themselves.
     enough = [i for i in real if pipeline == "tiles" or wants.streams or wants.samples in _adapters()[i]["samples"]]
     if real and wants.numpy:
-        return None, "a Blend here has no wgsl for GPUs"
+        return None, "a Blend or the method has no wgsl for GPUs"
     if enough:
         return enough[0], "the best real GPU"
     if real:

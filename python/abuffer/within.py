@@ -90,7 +90,11 @@ class _Search:
     def look(self, **parameters):
         """What bounds.rs gives of each sample: (3, H, W, samples) float64."""
         request = self.job.request | {
-            "method": {"method": "bounds", "parameters": {"of_nearest": False, "tolerance": 0.0} | parameters},
+            "method": {
+                "method": "bounds",
+                "parameters": {"of_nearest": False, "tolerance": 0.0} | parameters,
+                "own": None,
+            },
             "lists": "none",
             "pipeline": "tiles",
             "msaa_resolve": "none",

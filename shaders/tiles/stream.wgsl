@@ -1,41 +1,12 @@
 // A method other than exact: an invocation owns a pixel and holds the method's state, and walks the tile's triangles, in
 // the order of submission, as often as the method asks for. Samples are taken one after the other.
 
-struct Method {
-    // The depths that depths are normalised by.
-    nearest: f32,
-    farthest: f32,
-    beta: f32,
-    seed: u32,
-    // The first row of pixels that there is room for.
-    first_row: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
-}
-
 struct Totals {
     fragments: atomic<u32>,
     deepest: atomic<u32>,
     // By a bounded method, merged or dropped; of several samples, of the one with most.
     left_out: atomic<u32>,
     filled_tiles: atomic<u32>,
-}
-
-// What a method sees of a fragment.
-struct Fragment {
-    // Straight.
-    color: vec4f,
-    depth: f32,
-    // Smaller is in front; of equal ones the later primitive.
-    key: u32,
-    primitive: u32,
-}
-
-// Whose fragments these are.
-struct Place {
-    pixel: vec2u,
-    sample: u32,
 }
 
 @group(1) @binding(0) var<storage, read_write> image: array<vec4f>;
@@ -57,11 +28,6 @@ var<private> is_wanted: bool;
 var<private> own_count: u32;
 // Of the sample.
 var<private> sample_count: u32;
-
-// For `in_front`.
-fn order_of(fragment: Fragment) -> vec2u {
-    return vec2u(fragment.key, ~fragment.primitive);
-}
 
 fn visit(n: u32, pixel: vec2u, center: vec2f, mask: u32) {
     let opaque_here = is_opaque(n);

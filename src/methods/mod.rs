@@ -12,8 +12,11 @@ mod k_buffer;
 mod wboit;
 mod weighted_average;
 
+use std::sync::Arc;
+
 use crate::real::Real;
 pub use bounds::Bounds;
+pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
 pub use k_buffer::KBuffer;
 pub use wboit::Wboit;
@@ -105,6 +108,7 @@ macro_rules! methods {
         #[derive(Debug, Clone)]
         pub enum Method {
             Exact,
+            Own(Arc<Own>),
             $($name($name),)*
         }
 
@@ -121,9 +125,10 @@ macro_rules! methods {
                 }
             }
 
-            pub fn id(&self) -> &'static str {
+            pub fn id(&self) -> &str {
                 match self {
                     Self::Exact => "exact",
+                    Self::Own(own) => &own.id,
                     $(Self::$name(_) => $id,)*
                 }
             }
@@ -132,12 +137,13 @@ macro_rules! methods {
             fn described(&self) -> Option<&dyn Described> {
                 match self {
                     Self::Exact => None,
+                    Self::Own(own) => Some(own.as_ref()),
                     $(Self::$name(method) => Some(method),)*
                 }
             }
 
             /// The colour that a method which streams makes of all fragments, in the order of submission, and how many
-            /// it left out. `None`: it is exact.
+            /// it left out. `None`: it is exact, or no method of the core's.
             #[inline]
             pub fn streamed<T: Real>(
                 &self,
@@ -146,7 +152,7 @@ macro_rules! methods {
                 behind: [T; 4],
             ) -> Option<([T; 4], u32)> {
                 match self {
-                    Self::Exact => None,
+                    Self::Exact | Self::Own(_) => None,
                     $(Self::$name(method) => Some(run(method, place, fragments, behind)),)*
                 }
             }
@@ -173,6 +179,9 @@ impl Method {
 
     /// Constants of its shader, as WGSL.
     pub fn constants_text(&self) -> String {
+        if let Self::Own(own) = self {
+            return own.constants.clone();
+        }
         let constants = self.described().map(Described::constants).unwrap_or_default();
         constants.into_iter().map(|(name, value)| format!("const {name} = {value};\n")).collect()
     }

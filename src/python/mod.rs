@@ -24,7 +24,7 @@ use crate::png::encode;
 use crate::render;
 use crate::samples::{check_samples, pattern};
 use crate::scene::Scene;
-use crate::shader::user_blend;
+use crate::shader::{user_blend, user_method};
 use output::to_dict;
 use parts::{BackgroundParts, CameraParts, ListParts, MeshParts, RequestParts, ResolveParts, Values};
 
@@ -34,8 +34,8 @@ mod _core {
     const VERSION: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
     use super::{
-        adapters, check_blend, composite, encode_png, methods, render_cpu, sample_positions, upload::Begun,
-        upload::Upload,
+        adapters, check_blend, check_method, composite, encode_png, methods, render_cpu, sample_positions,
+        upload::Begun, upload::Upload,
     };
 }
 
@@ -164,6 +164,12 @@ fn composite<'py>(
 fn check_blend(name: &str, wgsl: &str) -> PyResult<()> {
     user_blend(0, name, wgsl)?;
     Ok(())
+}
+
+/// Raises a ShaderError if a user's method does not compile, else says whether it loops.
+#[pyfunction]
+fn check_method(id: &str, wgsl: &str, constants: &str, has_k: bool) -> PyResult<bool> {
+    Ok(user_method(id, wgsl, constants, has_k)?)
 }
 
 /// Where the samples of a pixel lie: right and down of its centre, in 1/16 pixel.

@@ -1,6 +1,7 @@
 //! What Python hands over: dicts of arrays and of words, as the core's own types.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use bytemuck::cast_slice;
 use numpy::{Element, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
@@ -13,7 +14,7 @@ use crate::fragments::Background;
 use crate::frame::{
     BlendOrder, LimitPolicy, ListOptions, Lists, MsaaResolve, Rasteriser, Request, Sort, Storage,
 };
-use crate::methods::{Method, Parameters, Value};
+use crate::methods::{Method, Own, Parameters, Value, Values as MethodValues};
 use crate::node_format::NodeFormat;
 use crate::real::Real;
 use crate::resolve::Resolve;
@@ -119,6 +120,22 @@ pub struct MethodParts {
     method: String,
     #[pyo3(item)]
     parameters: HashMap<String, ParameterValue>,
+    /// Of a user's method.
+    #[pyo3(item)]
+    own: Option<OwnParts>,
+}
+
+/// What a GPU runs of a user's method.
+#[derive(FromPyObject)]
+pub struct OwnParts {
+    #[pyo3(item)]
+    wgsl: String,
+    #[pyo3(item)]
+    constants: String,
+    #[pyo3(item)]
+    passes: u32,
+    #[pyo3(item)]
+    loops: Option<u32>,
 }
 
 impl MethodParts {
@@ -128,10 +145,35 @@ impl MethodParts {
             ParameterValue::Number(number) => Value::Number(*number),
             ParameterValue::Text(text) => Value::Text(text.clone()),
         };
+        if let Some(own) = &self.own {
+            return Ok(Method::Own(Arc::new(self.own(own))));
+        }
         let parameters = self.parameters.iter().map(|(name, own)| (name.clone(), value(own)));
         Method::of(&self.method, &Parameters(parameters.collect())).ok_or_else(|| {
             errors::ParameterError::new_err(format!("the core has no method {:?}", self.method))
         })
+    }
+}
+
+impl MethodParts {
+    fn own(&self, own: &OwnParts) -> Own {
+        let number = |name: &str| match self.parameters.get(name) {
+            Some(ParameterValue::Number(number)) => *number,
+            _ => 0.0,
+        };
+        Own {
+            id: self.method.clone(),
+            wgsl: own.wgsl.clone(),
+            constants: own.constants.clone(),
+            passes: own.passes,
+            loops: own.loops,
+            has_k: self.parameters.contains_key("k"),
+            values: MethodValues {
+                range: (number("nearest"), number("farthest")),
+                beta: number("beta"),
+                seed: number("seed") as u32,
+            },
+        }
     }
 }
 

@@ -187,7 +187,8 @@ impl Stages {
         variant: &Variant,
         method: &Method,
     ) -> Result<Arc<wgpu::ComputePipeline>> {
-        let key = format!("{} {}", method.id(), method.constants_text());
+        let text = if let Method::Own(own) = method { &own.wgsl } else { "" };
+        let key = format!("{} {} {text}", method.id(), method.constants_text());
         let mut made = self.stream.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = made.get(&key) {
             return Ok(pipeline.clone());
@@ -339,9 +340,16 @@ fn stream(variant: &Variant, method: &Method) -> Result<Composed> {
     } else {
         &["tiles/opaque_none", "tiles/hidden_none"]
     };
-    let own = format!("methods/{id}");
-    let mut composed = text(variant, &[&WALK[..], &["tiles/stream"], hidden, common, &[&own]].concat())?;
+    let file = format!("methods/{id}");
+    let mut files = [&WALK[..], &["methods/common/fragment", "tiles/stream"], hidden, common].concat();
+    if !matches!(method, Method::Own(_)) {
+        files.push(&file);
+    }
+    let mut composed = text(variant, &files)?;
     composed.push(&constants, "parameters".into());
+    if let Method::Own(own) = method {
+        composed.push_foreign(&own.wgsl, &own.id);
+    }
     Ok(composed)
 }
 

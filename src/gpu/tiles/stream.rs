@@ -20,6 +20,7 @@ use crate::gpu::resolve::TILE;
 use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::MethodUniform;
 use crate::memory::allocate;
+use crate::methods::Method;
 use crate::resolve::Resolve;
 use crate::scene::Scene;
 
@@ -145,13 +146,19 @@ fn parts(bands: &[u32], rows: u32, height: u32) -> Vec<std::ops::Range<u32>> {
 
 /// Whether a software driver's loops reach the end of the longest list, as often as the method walks it.
 fn check_trips(gpu: &crate::gpu::device::Gpu, request: &Request, longest: u32) -> Result<()> {
+    if !gpu.adapter.is_software() {
+        return Ok(());
+    }
+    if let Method::Own(own) = &request.method {
+        own.check_loops(&gpu.adapter.name)?;
+    }
     let samples = u64::from(request.samples);
     let (passes, inner) = request.method.work(longest);
     let trips = u64::from(longest)
         * (u64::from(walk_trips(request.samples)) + u64::from(inner))
         * u64::from(passes)
         * samples;
-    if !gpu.adapter.is_software() || trips <= MOST_TRIPS {
+    if trips <= MOST_TRIPS {
         return Ok(());
     }
     Err(Error::Unsupported(format!(

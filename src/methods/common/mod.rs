@@ -1,6 +1,7 @@
-//! What several methods need.
+//! What several methods need, and the methods of users.
 
 pub mod absorbance;
 pub mod layer;
 pub mod nearest;
+pub mod own;
 pub mod parameters;
