@@ -84,6 +84,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/common/absorbance",
     "methods/common/nearest",
     "methods/bounds",
+    "methods/common/window",
     "methods/k_buffer",
     "methods/weighted_average",
     "methods/wboit",

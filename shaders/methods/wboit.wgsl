@@ -29,13 +29,7 @@ fn weight_of(depth: f32, alpha: f32) -> f32 {
             w = 0.03 / (1e-5 + power(z / 200.0, 4u));
         }
         case 4u: {
-            let near = method.nearest;
-            let far = method.farthest;
-            var d = 0.0;
-            if far > near {
-                d = far * (z - near) / (z * (far - near));
-            }
-            let front = 1.0 - clamp(d, 0.0, 1.0);
+            let front = 1.0 - window_depth(z);
             return alpha * max(0.01, 3e3 * front * front * front);
         }
         default: {

@@ -6,6 +6,7 @@
 //! a weight that depends on depth makes the error first order in alpha.
 
 use super::common::layer::Coverage;
+use super::common::window::window_depth;
 use super::{DepthRange, Described, Fragment, Parameters, Place, Streamed, Values};
 use crate::real::Real;
 
@@ -60,10 +61,7 @@ impl Wboit {
                 Weight::Equation8 => within(n(10.0) / (far + power(10.0, 3) + power(200.0, 6))),
                 Weight::Equation9 => within(n(0.03) / (far + power(200.0, 4))),
                 Weight::Equation10 => {
-                    // The window depth: 0 at the nearest, 1 at the farthest.
-                    let (near, far) = (n(self.range.0), n(self.range.1));
-                    let d = if far > near { far * (z - near) / (z * (far - near)) } else { T::ZERO };
-                    let front = T::ONE - d.clamped(T::ZERO, T::ONE);
+                    let front = T::ONE - window_depth(z, self.range);
                     n(0.01).larger(n(3e3) * front * front * front)
                 }
             }
@@ -73,6 +71,9 @@ impl Wboit {
 impl Described for Wboit {
     fn constants(&self) -> Vec<(&'static str, String)> {
         vec![("WEIGHT", format!("{}u", self.weight as u32))]
+    }
+    fn common(&self) -> &'static [&'static str] {
+        &["methods/common/layer", "methods/common/window"]
     }
     fn values(&self) -> Values {
         Values { range: self.range, ..Values::default() }

@@ -5,3 +5,4 @@ pub mod layer;
 pub mod nearest;
 pub mod own;
 pub mod parameters;
+pub mod window;
