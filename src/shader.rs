@@ -85,6 +85,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/common/nearest",
     "methods/bounds",
     "methods/common/window",
+    "methods/additive",
     "methods/k_buffer",
     "methods/weighted_average",
     "methods/wboit",

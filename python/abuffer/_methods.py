@@ -126,6 +126,16 @@ ALL = (
         flags=_flags(*FLAGS),
     ),
     Method(
+        id="additive",
+        title="the sum of all, as if they only emitted light",
+        source="Porter and Duff 1984, SIGGRAPH, plus",
+        order="any",
+        passes=lambda: 1,
+        bytes_per_pixel=lambda: 16,
+        exact_when="no fragment",
+        flags=_flags("noop_alpha0", "order_free"),
+    ),
+    Method(
         id="k_buffer",
         title="the k nearest exactly, the others as a tail",
         source="Bavoil et al. 2007, I3D",

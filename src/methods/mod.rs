@@ -8,6 +8,7 @@
 mod bounds;
 mod common;
 pub mod exact;
+mod additive;
 mod k_buffer;
 mod wboit;
 mod weighted_average;
@@ -18,6 +19,7 @@ use crate::real::Real;
 pub use bounds::Bounds;
 pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
+pub use additive::Additive;
 pub use k_buffer::KBuffer;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
@@ -163,6 +165,7 @@ macro_rules! methods {
 // One line a method: its id, which names its files, and its parameters.
 methods! {
     "bounds" Bounds,
+    "additive" Additive,
     "k_buffer" KBuffer,
     "weighted_average" WeightedAverage,
     "wboit" Wboit,
