@@ -88,6 +88,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/additive",
     "methods/k_buffer",
     "methods/weighted_average",
+    "methods/weighted_sum",
     "methods/wboit",
     "tiles/triangle",
     "tiles/scene",

@@ -160,6 +160,16 @@ ALL = (
         flags=_flags("single", "order_free", "hull"),
     ),
     Method(
+        id="weighted_sum",
+        title="the sum of all, in front of what their alphas leave of the background",
+        source="Meshkin 2007, GDC",
+        order="any",
+        passes=lambda: 1,
+        bytes_per_pixel=lambda: 16,
+        exact_when="one fragment, or at first order in alpha",
+        flags=_flags("single", "noop_alpha0", "order_free"),
+    ),
+    Method(
         id="wboit",
         title="a mean colour weighted by depth, with exact coverage",
         source="McGuire and Bavoil 2013, JCGT 2(2)",

@@ -10,6 +10,7 @@ mod common;
 pub mod exact;
 mod additive;
 mod k_buffer;
+mod weighted_sum;
 mod wboit;
 mod weighted_average;
 
@@ -21,6 +22,7 @@ pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
 pub use additive::Additive;
 pub use k_buffer::KBuffer;
+pub use weighted_sum::WeightedSum;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
 
@@ -168,6 +170,7 @@ methods! {
     "additive" Additive,
     "k_buffer" KBuffer,
     "weighted_average" WeightedAverage,
+    "weighted_sum" WeightedSum,
     "wboit" Wboit,
 }
 
