@@ -87,6 +87,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/common/window",
     "methods/additive",
     "methods/k_buffer",
+    "methods/phenomenological",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

@@ -13,6 +13,7 @@ U = 2.0**-24
 # Parameters that are tried, beside the defaults.
 VARIANTS = {
     "k_buffer": [{"k": 1}, {"k": 3, "tail": "blend"}, {"k": 3, "tail": "average"}],
+    "phenomenological": [{"transmission": 0.3}, {"transmission": 1}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
 }
 # How far CPU float32 and a GPU may be from float64 in an image of colours in [0, 1]: what up to 40 layers round, and what

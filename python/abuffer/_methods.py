@@ -150,6 +150,26 @@ ALL = (
         ),
     ),
     Method(
+        id="phenomenological",
+        title="a mean colour weighted by window depth, of surfaces that transmit light",
+        source="McGuire and Mara 2016, I3D",
+        order="any",
+        passes=lambda transmission: 1,
+        bytes_per_pixel=lambda transmission: 20,
+        exact_when="transmission 0, and one fragment or all colours of a pixel equal",
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
+        parameters=(
+            Parameter(
+                "transmission",
+                0.0,
+                "the share of what a fragment covers that comes through it all the same",
+                high=1,
+                is_integer=False,
+            ),
+        ),
+        takes_range=True,
+    ),
+    Method(
         id="weighted_average",
         title="the mean colour, as so many layers of the mean alpha",
         source="Bavoil and Myers 2008, NVIDIA",

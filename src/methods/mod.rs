@@ -12,6 +12,7 @@ mod additive;
 mod k_buffer;
 mod weighted_sum;
 mod wboit;
+mod phenomenological;
 mod weighted_average;
 
 use std::sync::Arc;
@@ -24,6 +25,7 @@ pub use additive::Additive;
 pub use k_buffer::KBuffer;
 pub use weighted_sum::WeightedSum;
 pub use wboit::Wboit;
+pub use phenomenological::Phenomenological;
 pub use weighted_average::WeightedAverage;
 
 /// What a method sees of a fragment.
@@ -169,6 +171,7 @@ methods! {
     "bounds" Bounds,
     "additive" Additive,
     "k_buffer" KBuffer,
+    "phenomenological" Phenomenological,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
