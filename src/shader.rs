@@ -86,6 +86,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/bounds",
     "methods/common/window",
     "methods/additive",
+    "methods/depth_peeling",
     "methods/k_buffer",
     "methods/phenomenological",
     "methods/weighted_average",

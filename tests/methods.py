@@ -12,6 +12,7 @@ U = 2.0**-24
 
 # Parameters that are tried, beside the defaults.
 VARIANTS = {
+    "depth_peeling": [{"layers": 1}, {"layers": 3}],
     "k_buffer": [{"k": 1}, {"k": 3, "tail": "blend"}, {"k": 3, "tail": "average"}],
     "phenomenological": [{"transmission": 0.3}, {"transmission": 1}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],

@@ -136,6 +136,19 @@ ALL = (
         flags=_flags("noop_alpha0", "order_free"),
     ),
     Method(
+        id="depth_peeling",
+        title="a pass for each layer, front to back",
+        source="Everitt 2001, NVIDIA",
+        order="front_to_back",
+        passes=lambda layers: layers or "fragments of the deepest pixel + 1",
+        bytes_per_pixel=lambda layers: 24,
+        exact_when="always, without a limit of layers",
+        flags=_flags(*set(FLAGS) - {"modes"}),
+        parameters=(
+            Parameter("layers", 0, "nearest layers that are peeled, the others being dropped; 0: all", high=1024),
+        ),
+    ),
+    Method(
         id="k_buffer",
         title="the k nearest exactly, the others as a tail",
         source="Bavoil et al. 2007, I3D",

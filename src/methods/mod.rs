@@ -9,6 +9,7 @@ mod bounds;
 mod common;
 pub mod exact;
 mod additive;
+mod depth_peeling;
 mod k_buffer;
 mod weighted_sum;
 mod wboit;
@@ -22,6 +23,7 @@ pub use bounds::Bounds;
 pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
 pub use additive::Additive;
+pub use depth_peeling::DepthPeeling;
 pub use k_buffer::KBuffer;
 pub use weighted_sum::WeightedSum;
 pub use wboit::Wboit;
@@ -170,6 +172,7 @@ macro_rules! methods {
 methods! {
     "bounds" Bounds,
     "additive" Additive,
+    "depth_peeling" DepthPeeling,
     "k_buffer" KBuffer,
     "phenomenological" Phenomenological,
     "weighted_average" WeightedAverage,
