@@ -87,6 +87,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/common/window",
     "methods/additive",
     "methods/depth_peeling",
+    "methods/dual_depth_peeling",
     "methods/k_buffer",
     "methods/phenomenological",
     "methods/weighted_average",

@@ -149,6 +149,16 @@ ALL = (
         ),
     ),
     Method(
+        id="dual_depth_peeling",
+        title="a pass for each two layers, from both ends",
+        source="Bavoil and Myers 2008, NVIDIA",
+        order="front_to_back",
+        passes=lambda: "half the fragments of the deepest pixel + 1",
+        bytes_per_pixel=lambda: 48,
+        exact_when="always",
+        flags=_flags(*set(FLAGS) - {"modes"}),
+    ),
+    Method(
         id="k_buffer",
         title="the k nearest exactly, the others as a tail",
         source="Bavoil et al. 2007, I3D",

@@ -10,6 +10,7 @@ mod common;
 pub mod exact;
 mod additive;
 mod depth_peeling;
+mod dual_depth_peeling;
 mod k_buffer;
 mod weighted_sum;
 mod wboit;
@@ -24,6 +25,7 @@ pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
 pub use additive::Additive;
 pub use depth_peeling::DepthPeeling;
+pub use dual_depth_peeling::DualDepthPeeling;
 pub use k_buffer::KBuffer;
 pub use weighted_sum::WeightedSum;
 pub use wboit::Wboit;
@@ -173,6 +175,7 @@ methods! {
     "bounds" Bounds,
     "additive" Additive,
     "depth_peeling" DepthPeeling,
+    "dual_depth_peeling" DualDepthPeeling,
     "k_buffer" KBuffer,
     "phenomenological" Phenomenological,
     "weighted_average" WeightedAverage,
