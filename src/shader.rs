@@ -90,6 +90,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/dual_depth_peeling",
     "methods/k_buffer",
     "methods/phenomenological",
+    "methods/unsorted",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

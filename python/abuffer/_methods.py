@@ -193,6 +193,16 @@ ALL = (
         takes_range=True,
     ),
     Method(
+        id="unsorted",
+        title="composited in the order of submission, whatever the depth",
+        source="Porter and Duff 1984, SIGGRAPH",
+        order="submission",
+        passes=lambda: 1,
+        bytes_per_pixel=lambda: 0,
+        exact_when="fragments come back to front",
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull"),
+    ),
+    Method(
         id="weighted_average",
         title="the mean colour, as so many layers of the mean alpha",
         source="Bavoil and Myers 2008, NVIDIA",

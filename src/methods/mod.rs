@@ -15,6 +15,7 @@ mod k_buffer;
 mod weighted_sum;
 mod wboit;
 mod phenomenological;
+mod unsorted;
 mod weighted_average;
 
 use std::sync::Arc;
@@ -30,6 +31,7 @@ pub use k_buffer::KBuffer;
 pub use weighted_sum::WeightedSum;
 pub use wboit::Wboit;
 pub use phenomenological::Phenomenological;
+pub use unsorted::Unsorted;
 pub use weighted_average::WeightedAverage;
 
 /// What a method sees of a fragment.
@@ -178,6 +180,7 @@ methods! {
     "dual_depth_peeling" DualDepthPeeling,
     "k_buffer" KBuffer,
     "phenomenological" Phenomenological,
+    "unsorted" Unsorted,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
