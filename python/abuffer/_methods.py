@@ -6,7 +6,7 @@ Argument checks, `abuffer.methods()`, the documentation and the tests of invaria
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from . import _check
+from . import _check, painter
 from .errors import ParameterError
 
 # What holds for a method's image, or does not: tests show both.
@@ -64,6 +64,7 @@ class Method:
         exact_when: where its image is that of `exact`.
         flags: names of FLAGS.
         takes_range: depths are normalised by a `depth_range`.
+        sorts: "objects" or "triangles", which are painted in the order of a depth (painter.py).
         wgsl, numpy, loops: of a method that was registered (own_methods.py).
     """
 
@@ -78,6 +79,7 @@ class Method:
     parameters: tuple = ()
     deterministic: str = "yes"
     takes_range: bool = False
+    sorts: str | None = None
     wgsl: str | None = None
     numpy: Callable | None = None
     loops: int | None = 0
@@ -103,6 +105,24 @@ class Method:
             "deterministic": self.deterministic,
             "source": self.source,
         }
+
+
+def _painted(id, what, source):
+    return Method(
+        id=id,
+        title=f"{what} are painted, the farthest first",
+        source=source,
+        order="submission",
+        passes=lambda key: 1,
+        bytes_per_pixel=lambda key: 0,
+        exact_when=f"{what} do not cross, nor overlap in a cycle or against their depths",
+        # Those of unsorted: there is an order, if a better one.
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull"),
+        parameters=(
+            Parameter("key", "centroid", f"the depth that {what} go by: their middle's, or a vertex's", painter.KEYS),
+        ),
+        sorts=what,
+    )
 
 
 def _k(default, about):
@@ -192,6 +212,8 @@ ALL = (
         ),
         takes_range=True,
     ),
+    _painted("object_sorted", "objects", "Newell, Newell and Sancha 1972, ACM"),
+    _painted("triangle_sorted", "triangles", "Newell, Newell and Sancha 1972, ACM"),
     Method(
         id="unsorted",
         title="composited in the order of submission, whatever the depth",
@@ -271,7 +293,9 @@ class Chosen:
         """As the core takes it. The depths are those of what is rendered, where none were given."""
         depths = self.depth_range or (nearest, farthest)
         own = dict(zip(("nearest", "farthest"), depths, strict=True)) if self.method.takes_range else {}
-        return {"method": self.method.id, "parameters": self.parameters | own, "own": self._own()}
+        # What is sorted before it is submitted needs no more of the core.
+        id = "unsorted" if self.method.sorts else self.method.id
+        return {"method": id, "parameters": self.parameters | own, "own": self._own()}
 
     def _own(self):
         """What a GPU runs of a method that was registered."""

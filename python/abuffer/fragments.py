@@ -4,10 +4,11 @@ import operator
 
 import numpy as np
 
-from . import _check, _core, _methods, archive, columns, cutoff, geometry, options, own_methods
+from . import _check, _core, _methods, archive, columns, cutoff, geometry, options, own_methods, painter
 from .blend import BLENDS, composite, require, resolve
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
+from .scene import as_scene
 
 # Of every method, and of exact alone.
 OPTIONS = ("msaa_resolve",)
@@ -217,6 +218,7 @@ class Fragments:
             blend_order: "front_to_back" (default) or "back_to_front", as in `render`. Lists with a `Blend` are
                 composited back to front by its `numpy` in any case.
             cutoff: as in `render`: no channel changes by more than this; 0 by default.
+            scene, camera: what the lists are of, for methods that sort objects or triangles.
             chosen: of other methods msaa_resolve and their own parameters, as `abuffer.methods()` lists them. Those that
                 normalise depths do so by depth_range=(nearest, farthest); None, the default: by the lists' own.
 
@@ -224,6 +226,9 @@ class Fragments:
             ParameterError: an option that is none of these, or a `Blend` without `numpy`.
         """
         others = EXACT_OPTIONS if method == "exact" else OPTIONS
+        # What is sorted before it is rasterised needs to be seen.
+        if method in _methods.METHODS and _methods.METHODS[method].sorts:
+            others = (*others, "scene", "camera")
         how = _methods.chosen(method, chosen, others, "composite", ("method", "background"))
         msaa_resolve = _check.choice("msaa_resolve", chosen.get("msaa_resolve", "per_pixel"), options.MSAA_RESOLVES)
         order = _check.choice("blend_order", chosen.get("blend_order", "front_to_back"), options.BLEND_ORDERS)
@@ -242,6 +247,8 @@ class Fragments:
         else:
             lists = {name: getattr(self, name) for name in ("offsets", "color", "primitive", "coverage", "blend")}
             y0, x0, *_ = self._window
+            if how.method.sorts:
+                lists["primitive"] = self._painted(how, chosen)
             settings = {
                 "method": how.parts(nearest, farthest),
                 "samples": self.samples,
@@ -284,6 +291,19 @@ class Fragments:
         """Samples (H·W, samples, 4) that a method's function of arrays makes."""
         lists = (self.offsets, self.color, self.depth, self.primitive, self.coverage)
         return own_methods.composite(how, *lists, behind.reshape(-1, self.samples, 4), depths)
+
+    def _painted(self, how, chosen):
+        """(F,) int32, when each fragment's triangle is painted."""
+        method, key = how.method, how.parameters["key"]
+        scene, camera = chosen.get("scene"), chosen.get("camera")
+        if scene is None or camera is None:
+            raise ParameterError(
+                f"method {method.id!r} sorts {method.sorts}, which lists do not hold: give scene= and camera= too"
+            )
+        scene = as_scene(scene)
+        ranks = painter.ranks(scene, camera, method.sorts, key)
+        geometry.check_primitives(self, len(ranks))
+        return ranks[self.primitive].astype(np.int32)
 
     def to_padded(self, k=None) -> Padded:
         """The k nearest fragments of each pixel as dense arrays. None: as many as the deepest pixel has."""

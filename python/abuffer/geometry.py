@@ -22,9 +22,7 @@ def barycentric(frags, scene, camera) -> np.ndarray:
     view, projection, ndc = _rays(frags, camera)
     result = np.empty((len(frags), 3))
     triangles = as_scene(scene).triangles()
-    if len(frags) and not 0 <= frags.primitive.min() <= frags.primitive.max() < len(triangles):
-        named = f"{frags.primitive.min()} to {frags.primitive.max()}"
-        raise ParameterError(f"the lists name primitives {named}, the scene has {len(triangles)}: another scene?")
+    check_primitives(frags, len(triangles))
     to_clip = (projection @ view)[[0, 1, 3]]
     for start in range(0, len(frags), CHUNK):
         part = slice(start, start + CHUNK)
@@ -35,6 +33,13 @@ def barycentric(frags, scene, camera) -> np.ndarray:
         b[b.sum(axis=1) == 0] = 1, 0, 0
         result[part] = b / b.sum(axis=1, keepdims=True)
     return result
+
+
+def check_primitives(frags, count):
+    """Raises a ParameterError where lists name others than the `count` primitives of a scene."""
+    if len(frags) and not 0 <= frags.primitive.min() <= frags.primitive.max() < count:
+        named = f"{frags.primitive.min()} to {frags.primitive.max()}"
+        raise ParameterError(f"the lists name primitives {named}, the scene has {count}: another scene?")
 
 
 def _rays(frags, camera):

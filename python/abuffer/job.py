@@ -4,11 +4,11 @@ import inspect
 import numbers
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import _check, _core, _methods, own_methods, tables
+from . import _check, _core, _methods, own_methods, painter, tables
 from .blend import own_blends, require
 from .camera import Camera, _size
 from .cutoff import least_transmittance
@@ -49,6 +49,11 @@ class Job:
 
     def output(self, upload=None):
         """What the core gives: of a GPU's `_core.Upload`, if there is one that has this scene."""
+        if self.how.method.sorts:
+            return self._painted(upload)
+        return self._output(upload)
+
+    def _output(self, upload):
         if self.adapter is not None:
             return self._on_gpu(upload or _core.Upload(self.adapter))
         if self.own or self.how.method.numpy is not None:
@@ -56,6 +61,20 @@ class Job:
             self.plan.append(("compositing", "numpy, in float64", f"{what} is a callable here"))
             return render_by_layers(self.parts, self.view, self.request, self.behind, self.dtype, self.own, self.how)
         return _core.render_cpu(self.parts, self.view, self.request, self.behind, self.dtype == np.float64)
+
+    def _painted(self, upload):
+        """The same triangles, submitted in another order; lists and counts are those of the scene as it is."""
+        meshes = [mesh for mesh in self.scene.meshes if mesh.face_count]
+        what, key = self.how.method.sorts, self.how.parameters["key"]
+        self.plan.append(("painted", f"{what} by {key}", "the farthest first, all pixels in one order"))
+        parts = [mesh._parts(()) for mesh in painter.in_order(meshes, self.camera, what, key)]
+        lists = "none" if self.request["lists"] == "none" else "count"
+        output = replace(self, parts=parts, request=self.request | {"lists": lists})._output(None)
+        if self.request["lists"] in ("translucent", "all"):
+            exact = {"method": "exact", "parameters": {}, "own": None}
+            whole = replace(self, request=self.request | {"method": exact})._output(upload)
+            output = whole | {"image": output["image"], "stats": output["stats"]}
+        return output
 
     def _on_gpu(self, upload):
         try:

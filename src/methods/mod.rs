@@ -5,34 +5,34 @@
 //! nothing of pipelines. Methods never name each other; what several of them need is in
 //! `common`.
 
+mod additive;
 mod bounds;
 mod common;
-pub mod exact;
-mod additive;
 mod depth_peeling;
 mod dual_depth_peeling;
+pub mod exact;
 mod k_buffer;
-mod weighted_sum;
-mod wboit;
 mod phenomenological;
 mod unsorted;
+mod wboit;
 mod weighted_average;
+mod weighted_sum;
 
 use std::sync::Arc;
 
 use crate::real::Real;
+pub use additive::Additive;
 pub use bounds::Bounds;
 pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
-pub use additive::Additive;
 pub use depth_peeling::DepthPeeling;
 pub use dual_depth_peeling::DualDepthPeeling;
 pub use k_buffer::KBuffer;
-pub use weighted_sum::WeightedSum;
-pub use wboit::Wboit;
 pub use phenomenological::Phenomenological;
 pub use unsorted::Unsorted;
+pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
+pub use weighted_sum::WeightedSum;
 
 /// What a method sees of a fragment.
 #[derive(Debug, Clone, Copy)]
