@@ -17,6 +17,8 @@ VARIANTS = {
     "phenomenological": [{"transmission": 0.3}, {"transmission": 1}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
 }
+# Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.
+TRIANGLES = {"depth_peeling": 12, "dual_depth_peeling": 16}
 # How far CPU float32 and a GPU may be from float64 in an image of colours in [0, 1]: what up to 40 layers round, and what
 # depths themselves are off by.
 TOLERANCE = {

@@ -82,8 +82,7 @@ def test_a_render_is_the_composite_of_its_lists(variant, opaque, samples):
 @pytest.mark.parametrize("variant", methods.variants(), ids=methods.name_of)
 def test_float32_and_gpus_agree_with_float64(variant, opaque, samples, needs_gpu):
     id, options = variant
-    # A pass a layer, for each sample: more than a software driver's loops reach, in a tile of 40 triangles.
-    n = 12 if "peeling" in id and samples > 1 else 40
+    n = methods.TRIANGLES.get(id, 40)
     images = {}
     for device, precision in (("cpu", "float64"), ("cpu", "float32"), ("gpu", "float32")):
         frame = ab.render(
