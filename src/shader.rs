@@ -82,6 +82,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/common/fragment",
     "methods/common/layer",
     "methods/common/absorbance",
+    "methods/common/slots",
     "methods/common/nearest",
     "methods/bounds",
     "methods/common/window",

@@ -38,9 +38,7 @@ fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
     if TAIL == TAIL_BLEND {
         tail = (*s).painted;
     } else if TAIL == TAIL_AVERAGE {
-        let count = f32(max((*s).tail_count, 1u));
-        let total = absorbance((*s).sum.a / count) * count;
-        tail = coverage_of_mean(Coverage(opacity(total), transmittance_of(total)), (*s).sum);
+        tail = coverage_of_mean(coverage_of_equal((*s).sum.a, (*s).tail_count), (*s).sum);
     }
     return layer_over(layer_onto(nearest_layer(), tail), behind);
 }

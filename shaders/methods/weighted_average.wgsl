@@ -21,9 +21,7 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
 }
 
 fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    let count = f32(max((*s).count, 1u));
-    let total = absorbance((*s).sum.a / count) * count;
-    return layer_over(coverage_of_mean(Coverage(opacity(total), transmittance_of(total)), (*s).sum), behind);
+    return layer_over(coverage_of_mean(coverage_of_equal((*s).sum.a, (*s).count), (*s).sum), behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

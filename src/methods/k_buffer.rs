@@ -5,8 +5,8 @@
 //! the order of submission, as if painted, in a second pass. `average`: one layer with their mean colour Σ αᵢ cᵢ / Σ αᵢ
 //! and the coverage 1 − (1 − ᾱ)ᵐ of m equal layers (Maule, Comba, Torchelsen and Bastos 2013).
 
-use super::common::absorbance::{absorbance, opacity, transmittance};
-use super::common::layer::{Coverage, Layer};
+use super::common::absorbance::coverage_of_equal;
+use super::common::layer::Layer;
 use super::common::nearest::Nearest;
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
@@ -48,7 +48,12 @@ impl Described for KBuffer {
         vec![("K", format!("{}u", self.k)), ("TAIL", format!("{}u", self.tail as u32))]
     }
     fn common(&self) -> &'static [&'static str] {
-        &["methods/common/layer", "methods/common/absorbance", "methods/common/nearest"]
+        &[
+            "methods/common/layer",
+            "methods/common/absorbance",
+            "methods/common/slots",
+            "methods/common/nearest",
+        ]
     }
     fn work(&self, _: u32) -> (u32, u32) {
         (if self.tail == Tail::Blend { 2 } else { 1 }, self.k as u32)
@@ -87,12 +92,7 @@ impl<T: Real> Streamed<T> for KBuffer {
         let tail = match self.tail {
             Tail::Drop => Layer::clear(),
             Tail::Blend => state.painted,
-            Tail::Average => {
-                let count = T::from_i32(state.tail_count.max(1) as i32);
-                let total = absorbance(state.sum[3] / count) * count;
-                let coverage = Coverage { alpha: opacity(total), transmittance: transmittance(total) };
-                coverage.of_mean(state.sum)
-            }
+            Tail::Average => coverage_of_equal(state.sum[3], state.tail_count).of_mean(state.sum),
         };
         state.nearest.layer().onto(tail).over(behind)
     }

@@ -3,8 +3,7 @@
 //!
 //! Exact where all alphas and all colours are equal. A fragment of alpha 0 changes n, and with it the image.
 
-use super::common::absorbance::{absorbance, opacity, transmittance};
-use super::common::layer::Coverage;
+use super::common::absorbance::coverage_of_equal;
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
 
@@ -14,7 +13,7 @@ pub struct WeightedAverage;
 pub struct State<T> {
     /// Σ α c, and last Σ α.
     sum: [T; 4],
-    count: i32,
+    count: u32,
 }
 
 impl WeightedAverage {
@@ -48,10 +47,7 @@ impl<T: Real> Streamed<T> for WeightedAverage {
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
-        let count = T::from_i32(state.count.max(1));
-        let total = absorbance(state.sum[3] / count) * count;
-        let coverage = Coverage { alpha: opacity(total), transmittance: transmittance(total) };
-        coverage.of_mean(state.sum).over(behind)
+        coverage_of_equal(state.sum[3], state.count).of_mean(state.sum).over(behind)
     }
 }
 

@@ -29,3 +29,10 @@ fn opacity(a: f32) -> f32 {
 fn transmittance_of(a: f32) -> f32 {
     return select(exp(-a), 0.0, a >= OPAQUE_ABSORBANCE);
 }
+
+// That of n layers of one alpha, the mean ᾱ = `sum` / n: 1 − (1 − ᾱ)ⁿ.
+fn coverage_of_equal(sum: f32, count: u32) -> Coverage {
+    let n = f32(max(count, 1u));
+    let total = absorbance(sum / n) * n;
+    return Coverage(opacity(total), transmittance_of(total));
+}

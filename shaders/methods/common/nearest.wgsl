@@ -1,8 +1,5 @@
 // The nearest fragments of a pixel, front to back, at most K (src/methods/common/nearest.rs).
 
-// Of a slot that is free: behind all.
-const FREE = vec2u(0xffffffffu, 0xffffffffu);
-
 // Outside the state: naga takes no pointer into a struct.
 var<private> nearest_orders: array<vec2u, K>;
 var<private> nearest_colors: array<vec4f, K>;
@@ -33,10 +30,6 @@ fn nearest_insert(fragment: Fragment) -> Farthest {
         color = select(color, own_color, is_nearer);
     }
     return Farthest(order, color);
-}
-
-fn is_free(order: vec2u) -> bool {
-    return order.x == FREE.x && order.y == FREE.y;
 }
 
 // Whether all of them are in front of a fragment.

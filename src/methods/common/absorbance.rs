@@ -1,5 +1,6 @@
 //! Absorbance (optical depth) −ln(1 − α), which adds where transmittances multiply.
 
+use super::layer::Coverage;
 use crate::real::Real;
 
 /// What stands for that of alpha 1: e^−104 is 0 in float32, where e^−103 is not yet.
@@ -21,6 +22,14 @@ pub fn opacity<T: Real>(absorbance: T) -> T {
 #[inline]
 pub fn transmittance<T: Real>(absorbance: T) -> T {
     if absorbance < T::from_f64(OPAQUE) { (-absorbance).exp() } else { T::ZERO }
+}
+
+/// That of n layers of one alpha, the mean ᾱ = `sum` / n: 1 − (1 − ᾱ)ⁿ.
+#[inline]
+pub fn coverage_of_equal<T: Real>(sum: T, count: u32) -> Coverage<T> {
+    let count = T::from_i32(count.max(1) as i32);
+    let total = absorbance(sum / count) * count;
+    Coverage { alpha: opacity(total), transmittance: transmittance(total) }
 }
 
 #[cfg(test)]
