@@ -92,6 +92,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/k_buffer",
     "methods/phenomenological",
     "methods/unsorted",
+    "methods/mlab",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

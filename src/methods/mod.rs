@@ -14,6 +14,7 @@ pub mod exact;
 mod k_buffer;
 mod phenomenological;
 mod unsorted;
+mod mlab;
 mod wboit;
 mod weighted_average;
 mod weighted_sum;
@@ -30,6 +31,7 @@ pub use dual_depth_peeling::DualDepthPeeling;
 pub use k_buffer::KBuffer;
 pub use phenomenological::Phenomenological;
 pub use unsorted::Unsorted;
+pub use mlab::Mlab;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
 pub use weighted_sum::WeightedSum;
@@ -181,6 +183,7 @@ methods! {
     "k_buffer" KBuffer,
     "phenomenological" Phenomenological,
     "unsorted" Unsorted,
+    "mlab" Mlab,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,

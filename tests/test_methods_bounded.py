@@ -1,0 +1,67 @@
+"""Closed forms of the bounded methods: what each keeps exactly, and by how much the rest is off."""
+
+import numpy as np
+import pytest
+
+import methods
+
+# Of what is the same sum in another order, in float64.
+ROUNDINGS = 1e-13
+GREY = (0.5, 0.5, 0.5, 1.0)
+
+
+def off(frags, id, **options):
+    """What a method's image has more than the exact one, (P, 4)."""
+    return (frags.composite(id, **options) - frags.composite())[0]
+
+
+def rmse(n, alpha, id, **options):
+    """Of RGB, with random depths, colours in [0, 1] and alphas up to `alpha`, over grey."""
+    frags = methods.lists_of(*methods.random_stacks(n, pixels=4000, alpha=alpha), background=GREY)
+    return np.sqrt((off(frags, id, **options)[:, :3] ** 2).mean())
+
+
+def equal_alphas(n, alpha, seed=0):
+    depths, colors, order = methods.random_stacks(n, seed=seed)
+    colors[..., 3] = alpha
+    return depths, colors, order
+
+
+# ---- mlab ----
+
+
+@pytest.mark.parametrize("k", [1, 2, 4])
+def test_mlab_is_exact_for_fragments_that_arrive_front_to_back_or_back_to_front(k):
+    """Whatever is merged are true neighbours."""
+    depths, colors, order = methods.random_stacks(24)
+    rising = np.argsort(np.argsort(depths, axis=1), axis=1)
+    for arrival in (rising, -rising):
+        assert np.abs(off(methods.lists_of(depths, colors, arrival, GREY), "mlab", k=k)).max() < ROUNDINGS
+    assert np.abs(off(methods.lists_of(depths, colors, order, GREY), "mlab", k=k)).max() > 0.01
+
+
+@pytest.mark.parametrize("k", [1, 2, 4])
+def test_mlab_puts_a_new_fragment_in_front_of_those_of_its_depth(k):
+    """So fragments of one depth arrive back to front."""
+    _, colors, order = methods.random_stacks(24)
+    frags = methods.lists_of(np.ones((200, 24)), colors, order, GREY)
+    assert np.abs(off(frags, "mlab", k=k)).max() < ROUNDINGS
+
+
+def test_mlab_of_2_is_off_by_one_swap_for_depths_that_arrive_as_1_2_4_3():
+    """T₃ α₃ α₄ (c₄ − c₃): 4 is merged behind 2, where 3 can no longer come between."""
+    _, colors, _ = methods.random_stacks(4)
+    arrival = [[0, 1, 3, 2]] * 200  # of depths 1 to 4
+    frags = methods.lists_of(np.tile(np.arange(1.0, 5), (200, 1)), colors, arrival, GREY)
+    alpha = colors[..., 3:]
+    through = (1 - alpha[:, 0]) * (1 - alpha[:, 1])
+    wanted = through * alpha[:, 2] * alpha[:, 3] * (colors[:, 3] - colors[:, 2])[:, :3]
+    np.testing.assert_allclose(off(frags, "mlab", k=2)[:, :3], wanted, atol=ROUNDINGS)
+    assert np.abs(wanted).max() > 0.05
+    assert np.abs(off(frags, "mlab", k=3)).max() < ROUNDINGS
+
+
+@pytest.mark.parametrize("k", [1, 2, 4])
+def test_the_alpha_of_mlab_is_exact_in_any_order(k):
+    error = off(methods.lists_of(*methods.random_stacks(24, alpha=0.5)), "mlab", k=k)
+    assert np.abs(error[:, 3]).max() < ROUNDINGS < 0.01 < np.abs(error[:, :3]).max()
