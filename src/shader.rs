@@ -93,6 +93,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/phenomenological",
     "methods/unsorted",
     "methods/mlab",
+    "methods/hybrid",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

@@ -16,6 +16,7 @@ VARIANTS = {
     "k_buffer": [{"k": 1}, {"k": 3, "tail": "blend"}, {"k": 3, "tail": "average"}],
     "phenomenological": [{"transmission": 0.3}, {"transmission": 1}],
     "mlab": [{"k": 1}, {"k": 8}],
+    "hybrid": [{"k": 1}, {"k": 3, "coverage": "average"}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
 }
 # Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.

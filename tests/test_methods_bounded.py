@@ -65,3 +65,21 @@ def test_mlab_of_2_is_off_by_one_swap_for_depths_that_arrive_as_1_2_4_3():
 def test_the_alpha_of_mlab_is_exact_in_any_order(k):
     error = off(methods.lists_of(*methods.random_stacks(24, alpha=0.5)), "mlab", k=k)
     assert np.abs(error[:, 3]).max() < ROUNDINGS < 0.01 < np.abs(error[:, :3]).max()
+
+
+# ---- hybrid ----
+
+
+@pytest.mark.parametrize("coverage", ["exact", "average"])
+def test_hybrid_covers_exactly_where_alphas_are_equal(coverage):
+    frags = methods.lists_of(*equal_alphas(24, 0.1))
+    error = off(frags, "hybrid", k=3, coverage=coverage)
+    assert np.abs(error[:, 3]).max() < ROUNDINGS < 0.01 < np.abs(error[:, :3]).max()
+
+
+def test_hybrid_as_published_never_covers_more_than_exactly():
+    """(1 − ᾱ)ᵐ ≥ Π (1 − αᵢ), the mean of logarithms being at most the logarithm of the mean."""
+    for n in (5, 8, 24):
+        error = off(methods.lists_of(*methods.random_stacks(n, alpha=0.6)), "hybrid", k=3, coverage="average")[:, 3]
+        assert error.max() < ROUNDINGS
+        assert error.min() < -1e-3

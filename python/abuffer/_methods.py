@@ -233,6 +233,25 @@ ALL = (
         parameters=(_k(4, "layers"),),
     ),
     Method(
+        id="hybrid",
+        title="the k nearest exactly, the others as their mean",
+        source="Maule et al. 2013, I3D",
+        order="submission",
+        passes=lambda k, coverage: 1,
+        bytes_per_pixel=lambda k, coverage: 8 * k + 20,
+        exact_when="at most k + 1 fragments in a pixel",
+        flags=_flags("single", "equal_colors", "opaque_front", "exact_coverage", "order_free", "hull"),
+        parameters=(
+            _k(4, "fragments that are kept"),
+            Parameter(
+                "coverage",
+                "exact",
+                'of the others: their own, or "average", as published: that of equal layers',
+                ("exact", "average"),
+            ),
+        ),
+    ),
+    Method(
         id="weighted_average",
         title="the mean colour, as so many layers of the mean alpha",
         source="Bavoil and Myers 2008, NVIDIA",

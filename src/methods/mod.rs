@@ -11,6 +11,7 @@ mod common;
 mod depth_peeling;
 mod dual_depth_peeling;
 pub mod exact;
+mod hybrid;
 mod k_buffer;
 mod phenomenological;
 mod unsorted;
@@ -28,6 +29,7 @@ pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
 pub use depth_peeling::DepthPeeling;
 pub use dual_depth_peeling::DualDepthPeeling;
+pub use hybrid::Hybrid;
 pub use k_buffer::KBuffer;
 pub use phenomenological::Phenomenological;
 pub use unsorted::Unsorted;
@@ -184,6 +186,7 @@ methods! {
     "phenomenological" Phenomenological,
     "unsorted" Unsorted,
     "mlab" Mlab,
+    "hybrid" Hybrid,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
