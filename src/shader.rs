@@ -94,6 +94,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/unsorted",
     "methods/mlab",
     "methods/hybrid",
+    "methods/adaptive",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

@@ -17,6 +17,7 @@ VARIANTS = {
     "phenomenological": [{"transmission": 0.3}, {"transmission": 1}],
     "mlab": [{"k": 1}, {"k": 8}],
     "hybrid": [{"k": 1}, {"k": 3, "coverage": "average"}],
+    "adaptive": [{"k": 1}, {"k": 8}, {"k": 3, "renormalise": False}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
 }
 # Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.

@@ -252,6 +252,20 @@ ALL = (
         ),
     ),
     Method(
+        id="adaptive",
+        title="weighted by a visibility function of k steps",
+        source="Salvi, Montgomery and Lefohn 2011, HPG",
+        order="submission",
+        passes=lambda k, renormalise: 2,
+        bytes_per_pixel=lambda k, renormalise: 8 * k,
+        exact_when="at most k fragments in a pixel",
+        flags=_flags("single", "equal_colors", "noop_alpha0", "opaque_front", "exact_coverage", "hull"),
+        parameters=(
+            _k(4, "steps"),
+            Parameter("renormalise", True, "weights are scaled to the exact coverage"),
+        ),
+    ),
+    Method(
         id="weighted_average",
         title="the mean colour, as so many layers of the mean alpha",
         source="Bavoil and Myers 2008, NVIDIA",

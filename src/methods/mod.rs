@@ -7,6 +7,7 @@
 
 mod additive;
 mod bounds;
+mod adaptive;
 mod common;
 mod depth_peeling;
 mod dual_depth_peeling;
@@ -26,6 +27,7 @@ use crate::real::Real;
 pub use additive::Additive;
 pub use bounds::Bounds;
 pub use common::own::Own;
+pub use adaptive::Adaptive;
 pub use common::parameters::{Parameters, Value};
 pub use depth_peeling::DepthPeeling;
 pub use dual_depth_peeling::DualDepthPeeling;
@@ -187,6 +189,7 @@ methods! {
     "unsorted" Unsorted,
     "mlab" Mlab,
     "hybrid" Hybrid,
+    "adaptive" Adaptive,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
