@@ -95,6 +95,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/mlab",
     "methods/hybrid",
     "methods/adaptive",
+    "methods/bucket_peeling",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

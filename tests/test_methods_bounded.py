@@ -100,3 +100,40 @@ def test_adaptive_weighs_by_the_step_function_that_is_left():
     frags = methods.lists_of([[9.0, 1.0, 8.0]], [[[1, 1, 1, 0.5]] * 3])
     plain = frags.composite("adaptive", k=2, renormalise=False)[0, 0]
     np.testing.assert_array_equal(plain, [0.5 + 0.25 + 0.0625] * 3 + [0.875])
+
+
+# ---- bucket_peeling ----
+
+
+@pytest.mark.parametrize("buckets", [2, 8, 32, 64])
+def test_bucket_peeling_is_exact_without_collisions(buckets):
+    _, colors, order = methods.random_stacks(buckets)
+    depths = np.tile(np.arange(buckets, dtype=float), (200, 1))
+    frags = methods.lists_of(depths, colors, order, GREY)
+    assert np.abs(off(frags, "bucket_peeling", buckets=buckets)).max() < ROUNDINGS
+    assert np.abs(off(frags, "bucket_peeling", buckets=buckets // 2)).max() > 0.1
+
+
+@pytest.mark.parametrize(("n", "buckets"), [(8, 32), (16, 8), (8, 4)])
+def test_bucket_peeling_keeps_a_fragment_of_each_bucket_that_is_hit(n, buckets):
+    """Of n uniform depths two are the ends of the range, in the first and the last bucket, and the others are uniform.
+
+    Borders that are fixed before would be hit K (1 − (1 − 1/K)ⁿ) times.
+    """
+    pixels = 40_000
+    depths = np.random.default_rng([n, buckets]).uniform(1, 10, (pixels, n))
+    frags = methods.lists_of(depths, np.full((pixels, n, 4), 0.5))
+    alpha = frags.composite("bucket_peeling", buckets=buckets)[0, :, 3]
+    kept = np.round(-np.log2(1 - alpha))  # alpha = 1 − 2^−kept
+    sigma = kept.std() / np.sqrt(pixels)
+    share = 1 - 1 / buckets
+    assert abs(kept.mean() - (2 + (buckets - 2) * (1 - share ** (n - 2)))) < 5 * sigma
+    assert abs(kept.mean() - buckets * (1 - share**n)) > 5 * sigma
+
+
+def test_bucket_peeling_of_one_depth_keeps_the_last_submitted():
+    _, colors, order = methods.random_stacks(5)
+    image = methods.lists_of(np.full((200, 5), 3.0), colors, order).composite("bucket_peeling")[0]
+    last = np.take_along_axis(colors, np.argmax(order, axis=1)[:, None, None], axis=1)[:, 0]
+    np.testing.assert_allclose(image[:, :3], last[:, :3] * last[:, 3:], atol=ROUNDINGS)
+    np.testing.assert_allclose(image[:, 3], last[:, 3], atol=ROUNDINGS)

@@ -266,6 +266,17 @@ ALL = (
         ),
     ),
     Method(
+        id="bucket_peeling",
+        title="the nearest of each part of a pixel's depth range",
+        source="Liu et al. 2009, HPG",
+        order="any",
+        passes=lambda buckets: 2,
+        bytes_per_pixel=lambda buckets: 8 * buckets + 8,
+        exact_when="no two fragments of a pixel in one bucket",
+        flags=_flags("single", "opaque_front", "order_free", "hull"),
+        parameters=(Parameter("buckets", 32, "equal parts of the range", low=1, high=64),),
+    ),
+    Method(
         id="weighted_average",
         title="the mean colour, as so many layers of the mean alpha",
         source="Bavoil and Myers 2008, NVIDIA",

@@ -8,6 +8,7 @@
 mod additive;
 mod bounds;
 mod adaptive;
+mod bucket_peeling;
 mod common;
 mod depth_peeling;
 mod dual_depth_peeling;
@@ -28,6 +29,7 @@ pub use additive::Additive;
 pub use bounds::Bounds;
 pub use common::own::Own;
 pub use adaptive::Adaptive;
+pub use bucket_peeling::BucketPeeling;
 pub use common::parameters::{Parameters, Value};
 pub use depth_peeling::DepthPeeling;
 pub use dual_depth_peeling::DualDepthPeeling;
@@ -190,6 +192,7 @@ methods! {
     "mlab" Mlab,
     "hybrid" Hybrid,
     "adaptive" Adaptive,
+    "bucket_peeling" BucketPeeling,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
