@@ -96,6 +96,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/hybrid",
     "methods/adaptive",
     "methods/bucket_peeling",
+    "methods/stencil_routed",
     "methods/weighted_average",
     "methods/weighted_sum",
     "methods/wboit",

@@ -19,6 +19,7 @@ VARIANTS = {
     "hybrid": [{"k": 1}, {"k": 3, "coverage": "average"}],
     "adaptive": [{"k": 1}, {"k": 8}, {"k": 3, "renormalise": False}],
     "bucket_peeling": [{"buckets": 1}, {"buckets": 5}],
+    "stencil_routed": [{"k": 1}, {"k": 3}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
 }
 # Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.

@@ -137,3 +137,16 @@ def test_bucket_peeling_of_one_depth_keeps_the_last_submitted():
     last = np.take_along_axis(colors, np.argmax(order, axis=1)[:, None, None], axis=1)[:, 0]
     np.testing.assert_allclose(image[:, :3], last[:, :3] * last[:, 3:], atol=ROUNDINGS)
     np.testing.assert_allclose(image[:, 3], last[:, 3], atol=ROUNDINGS)
+
+
+# ---- stencil_routed ----
+
+
+@pytest.mark.parametrize("k", [1, 3, 8])
+def test_stencil_routed_is_exact_of_the_first_k_submitted(k):
+    depths, colors, order = methods.random_stacks(12)
+    image = methods.lists_of(depths, colors, order, GREY).composite("stencil_routed", k=k)
+    first = np.where(order < k, colors[..., 3], 0)  # the others invisible
+    wanted = methods.lists_of(depths, np.dstack([colors[..., :3], first]), order, GREY).composite()
+    np.testing.assert_allclose(image, wanted, atol=ROUNDINGS)
+    assert np.abs(off(methods.lists_of(depths, colors, order, GREY), "stencil_routed", k=k)).max() > 0.1

@@ -277,6 +277,17 @@ ALL = (
         parameters=(Parameter("buckets", 32, "equal parts of the range", low=1, high=64),),
     ),
     Method(
+        id="stencil_routed",
+        title="the first k submitted, sorted",
+        source="Myers and Bavoil 2007, SIGGRAPH",
+        order="submission",
+        passes=lambda k: 1,
+        bytes_per_pixel=lambda k: 8 * k,
+        exact_when="at most k fragments in a pixel",
+        flags=_flags("single", "hull"),
+        parameters=(_k(8, "fragments that are kept"),),
+    ),
+    Method(
         id="weighted_average",
         title="the mean colour, as so many layers of the mean alpha",
         source="Bavoil and Myers 2008, NVIDIA",

@@ -18,6 +18,7 @@ mod k_buffer;
 mod phenomenological;
 mod unsorted;
 mod mlab;
+mod stencil_routed;
 mod wboit;
 mod weighted_average;
 mod weighted_sum;
@@ -38,6 +39,7 @@ pub use k_buffer::KBuffer;
 pub use phenomenological::Phenomenological;
 pub use unsorted::Unsorted;
 pub use mlab::Mlab;
+pub use stencil_routed::StencilRouted;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
 pub use weighted_sum::WeightedSum;
@@ -193,6 +195,7 @@ methods! {
     "hybrid" Hybrid,
     "adaptive" Adaptive,
     "bucket_peeling" BucketPeeling,
+    "stencil_routed" StencilRouted,
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
