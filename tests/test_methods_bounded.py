@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import abuffer as ab
 import methods
 
 # Of what is the same sum in another order, in float64.
@@ -150,3 +151,163 @@ def test_stencil_routed_is_exact_of_the_first_k_submitted(k):
     wanted = methods.lists_of(depths, np.dstack([colors[..., :3], first]), order, GREY).composite()
     np.testing.assert_allclose(image, wanted, atol=ROUNDINGS)
     assert np.abs(off(methods.lists_of(depths, colors, order, GREY), "stencil_routed", k=k)).max() > 0.1
+
+
+# ---- all of them ----
+
+BOUNDED = [
+    ("k_buffer", {}),
+    ("mlab", {}),
+    ("hybrid", {}),
+    ("hybrid", {"coverage": "average"}),
+    ("adaptive", {}),
+    ("adaptive", {"renormalise": False}),
+    ("stencil_routed", {}),
+]
+
+
+@pytest.mark.parametrize("k", [1, 4, 9])
+@pytest.mark.parametrize(("id", "options"), BOUNDED)
+def test_up_to_k_fragments_are_exact_and_twice_as_many_are_not(id, options, k):
+    """One more is, where it is a tail of its own, or merged with its neighbour when all have come."""
+    most = k + 1 if id in ("mlab", "hybrid") else k
+    for n in (*range(1, most + 1), 2 * k + 1):
+        frags = methods.lists_of(*methods.random_stacks(n, alpha=0.9), background=GREY)
+        error = np.abs(off(frags, id, k=k, **options)).max()
+        assert error < ROUNDINGS if n <= most else error > 1e-4
+
+
+@pytest.mark.parametrize("id", ["mlab", "adaptive"])
+def test_invisible_fragments_change_no_bit(id):
+    """They would take a node from what is visible."""
+    depths, colors, order = methods.random_stacks(24)
+    colors[:, 12:, 3] = 0
+    images = [methods.lists_of(depths[:, :n], colors[:, :n], order[:, :n], GREY).composite(id, k=2) for n in (12, 24)]
+    np.testing.assert_array_equal(*images)
+
+
+def test_what_a_k_buffer_drops_is_seen_through_what_it_keeps():
+    """|ΔC| ≤ T R, of what the k nearest let through and the range of all colours: reached, never exceeded."""
+    ratios = []
+    for n in range(2, 9):
+        depths, colors, order = methods.random_stacks(n, pixels=6000)
+        rng = np.random.default_rng(n)
+        # Corners of what is possible come near the bound.
+        colors = np.where(rng.random(colors.shape) < 0.5, np.round(colors), colors)
+        background = rng.integers(0, 2, 3)
+        frags = methods.lists_of(depths, colors, order, (*background, 1))
+        k = int(rng.integers(1, n))
+        alpha = np.take_along_axis(colors[..., 3], np.argsort(depths, axis=1), axis=1)
+        through = np.prod(1 - alpha[:, :k], axis=1)
+        low = np.minimum(colors[..., :3].min(axis=1), background)
+        high = np.maximum(colors[..., :3].max(axis=1), background)
+        bound = (through[:, None] * (high - low)).ravel()
+        error = np.abs(off(frags, "k_buffer", k=k)[:, :3]).ravel()
+        assert (error <= bound + ROUNDINGS).all()
+        ratios.append((error[bound > 0.01] / bound[bound > 0.01]).max())
+    assert max(ratios) > 0.99
+
+
+# RMSE of a few hundred pixels each, by a program of its own; another has other depths and colours.
+KINDS = {"k_buffer": {"k": 4}, "mlab": {"k": 4}, "hybrid": {"k": 4, "coverage": "average"}, "adaptive": {"k": 4}}
+BANDS = {
+    (4, 0.9): (0, 0, 0, 0),
+    (8, 0.2): (0.039, 0.004, 0.005, 0.007),
+    (8, 0.9): (0.028, 0.011, 0.017, 0.018),
+    (16, 0.9): (0.026, 0.019, 0.023, 0.034),
+    (64, 0.2): (0.047, 0.041, 0.040, 0.036),
+}
+
+
+@pytest.mark.parametrize(("n", "alpha"), BANDS)
+def test_errors_of_random_stacks_are_of_the_expected_size(n, alpha):
+    for (id, options), expected in zip(KINDS.items(), BANDS[n, alpha], strict=True):
+        assert rmse(n, alpha, id, **options) == pytest.approx(expected, rel=0.5, abs=ROUNDINGS), id
+
+
+@pytest.mark.parametrize("id", KINDS)
+def test_that_size_would_tell_k_of_1_from_4(id):
+    expected = dict(zip(KINDS, BANDS[16, 0.9], strict=True))[id]
+    assert rmse(16, 0.9, id, **KINDS[id] | {"k": 1}) > 1.5 * expected
+
+
+@pytest.mark.parametrize(("n", "alpha"), list(BANDS)[1:])
+def test_mlab_of_8_is_no_worse_than_of_4(n, alpha):
+    assert rmse(n, alpha, "mlab", k=8) <= rmse(n, alpha, "mlab", k=4)
+
+
+# ---- extremes ----
+
+
+def panes(colors):
+    """As many triangles behind each other, each over the whole view, the nearest first."""
+    n = len(colors)
+    corners = np.tile(np.float64([[-9, -9, 0], [9, -9, 0], [0, 18, 0]]), (n, 1, 1))
+    corners[..., 2] = -np.arange(n)[:, None]
+    return ab.Mesh(corners, colors=colors)
+
+
+def render(mesh, id, device="cpu", precision="float32", **options):
+    camera = ab.Camera.orthographic((0, 0, 1), (0, 0, 0), height=2)
+    return ab.render(
+        mesh, camera, width=3, height=2, method=id, device=device, pipeline="tiles", precision=precision, **options
+    )
+
+
+# Of n equal panes one behind the other: how many count.
+COUNTING = {
+    "mlab": lambda n: n,
+    "hybrid": lambda n: n,
+    "adaptive": lambda n: n,
+    "bucket_peeling": lambda n: min(n, 32),
+    "stencil_routed": lambda n: min(n, 8),
+}
+# Layers, alpha, colour. On GPUs no more than software drivers take.
+EXTREMES = [(100, 1.0, 1.0), (100, 1e-7, 1.0), (60, 0.3, 1e4), (5000, 0.004, 1.0), (5000, 1e-7, 1e4), (2000, 0.9, 1e4)]
+
+
+@pytest.mark.parametrize(("n", "alpha", "color"), EXTREMES)
+@pytest.mark.parametrize("id", COUNTING)
+def test_equal_layers_reach_their_closed_form_at_the_extremes(id, n, alpha, color, needs_gpu):
+    """c (1 − (1 − α)ᵐ) of those that count, within the 2 (m + 1) u that `over` rounds in float32, and 2e-5."""
+    mesh = panes(np.tile(np.float32([color, color / 2, 0, alpha]), (n, 1)))
+    alpha = float(np.float32(alpha))
+    m = COUNTING[id](n)
+    with np.errstate(divide="ignore"):
+        coverage = -np.expm1(m * np.log1p(-alpha))
+    wanted = coverage * np.array([color, color / 2, 0, 1])
+    for device, precision in (("cpu", "float64"), ("cpu", "float32"), ("gpu", "float32")):
+        if device == "gpu" and n > 100:
+            continue
+        image = render(mesh, id, device, precision).image
+        u = methods.U if precision == "float32" else 2.0**-53
+        rtol = 2 * (m + 1) * u + (2e-5 if precision == "float32" else 1e-13)
+        np.testing.assert_allclose(image, np.broadcast_to(wanted, image.shape), rtol=rtol)
+
+
+@pytest.mark.parametrize("variant", methods.variants(COUNTING), ids=methods.name_of)
+def test_mixed_extremes_stay_finite_and_between_black_and_the_brightest(variant):
+    """Thousands of layers of alphas 0 to 1 and colours up to 1e4, over black."""
+    id, options = variant
+    rng = np.random.default_rng(7)
+    colors = np.float32(10.0 ** rng.uniform(-4, 4, (3000, 4)))
+    alphas = np.float32([0, 1e-30, 1e-7, 1e-3, 0.5, 1 - 1e-7, 1])
+    colors[:, 3] = rng.choice(alphas, 3000, p=[0.2, 0.2, 0.2, 0.39, 0.006, 0.002, 0.002])
+    for first in (0, 1, 2, 3):
+        for precision in ("float64", "float32"):
+            image = render(panes(colors[first:]), id, precision=precision, background=(0, 0, 0, 1), **options).image
+            assert np.isfinite(image).all()
+            assert (image >= 0).all()
+            assert (image[..., :3] <= colors[..., :3].max(axis=0) * (1 + 1e-5)).all()
+            np.testing.assert_allclose(image[..., 3], 1, rtol=1e-5)
+
+
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+@pytest.mark.parametrize("id", COUNTING)
+def test_what_is_left_out_is_counted(id, device, needs_gpu):
+    """Merged, or dropped by the methods that show nothing of it."""
+    options = {"buckets": 4} if id == "bucket_peeling" else {"k": 4}
+    stats = render(panes([(1, 0, 0, 0.5)] * 11), id, device, **options).stats
+    found = (stats.merged_fragments, stats.dropped_fragments)
+    drops = id in ("bucket_peeling", "stencil_routed")
+    assert found == ((0, 3 * 2 * 7) if drops else (3 * 2 * 7, 0))
