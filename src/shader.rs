@@ -280,14 +280,18 @@ pub fn user_blend(i: usize, name: &str, text: &str) -> Result<String> {
 }
 
 /// Files that a method of a user's may call functions of; the last where it has a `K`.
-pub const FOR_METHODS: [&str; 3] =
-    ["methods/common/layer", "methods/common/absorbance", "methods/common/nearest"];
+const FOR_METHODS: [&str; 4] =
+    ["methods/common/layer", "methods/common/absorbance", "methods/common/slots", "methods/common/nearest"];
+
+pub fn for_methods(has_k: bool) -> &'static [&'static str] {
+    &FOR_METHODS[..if has_k { 4 } else { 3 }]
+}
 
 /// Checks a user's method, by itself, so that what is wrong with it is told in its own lines, on any device or none.
 /// `constants`: its parameters, as WGSL. Returns whether it loops.
 pub fn user_method(id: &str, text: &str, constants: &str, has_k: bool) -> Result<bool> {
     let mut files = vec!["common", "exact", "methods/common/fragment"];
-    files.extend(&FOR_METHODS[..if has_k { 3 } else { 2 }]);
+    files.extend(for_methods(has_k));
     let prelude = "const DIVIDES_EXACTLY = false;\nvar<private> view: View;\nvar<private> method: Method;\n";
     let mut composed = Composed::new(prelude.into(), &files)?;
     composed.push(constants, "parameters".into());

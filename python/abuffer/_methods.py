@@ -223,9 +223,12 @@ ALL = (
         bytes_per_pixel=lambda: 0,
         exact_when="fragments come back to front",
         flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull"),
+    ),
+    Method(
         id="mlab",
         title="k layers, the farthest two merged on overflow",
         source="Salvi and Vaidyanathan 2014, I3D",
+        order="submission",
         passes=lambda k: 1,
         bytes_per_pixel=lambda k: 8 * k,
         exact_when="at most k + 1 fragments in a pixel, or all submitted front to back or back to front",

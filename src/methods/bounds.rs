@@ -38,7 +38,7 @@ impl Described for Bounds {
         vec![("K", format!("{}u", self.k)), ("OF_NEAREST", self.of_nearest.to_string())]
     }
     fn common(&self) -> &'static [&'static str] {
-        &["methods/common/layer", "methods/common/nearest"]
+        &["methods/common/layer", "methods/common/slots", "methods/common/nearest"]
     }
     fn values(&self) -> Values {
         Values { beta: self.tolerance, ..Values::default() }

@@ -5,9 +5,9 @@
 //! nothing of pipelines. Methods never name each other; what several of them need is in
 //! `common`.
 
+mod adaptive;
 mod additive;
 mod bounds;
-mod adaptive;
 mod bucket_peeling;
 mod common;
 mod depth_peeling;
@@ -15,10 +15,10 @@ mod dual_depth_peeling;
 pub mod exact;
 mod hybrid;
 mod k_buffer;
-mod phenomenological;
-mod unsorted;
 mod mlab;
+mod phenomenological;
 mod stencil_routed;
+mod unsorted;
 mod wboit;
 mod weighted_average;
 mod weighted_sum;
@@ -26,20 +26,20 @@ mod weighted_sum;
 use std::sync::Arc;
 
 use crate::real::Real;
+pub use adaptive::Adaptive;
 pub use additive::Additive;
 pub use bounds::Bounds;
-pub use common::own::Own;
-pub use adaptive::Adaptive;
 pub use bucket_peeling::BucketPeeling;
+pub use common::own::Own;
 pub use common::parameters::{Parameters, Value};
 pub use depth_peeling::DepthPeeling;
 pub use dual_depth_peeling::DualDepthPeeling;
 pub use hybrid::Hybrid;
 pub use k_buffer::KBuffer;
-pub use phenomenological::Phenomenological;
-pub use unsorted::Unsorted;
 pub use mlab::Mlab;
+pub use phenomenological::Phenomenological;
 pub use stencil_routed::StencilRouted;
+pub use unsorted::Unsorted;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
 pub use weighted_sum::WeightedSum;

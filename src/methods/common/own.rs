@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::methods::{Described, Values};
+use crate::shader::for_methods;
 
 #[derive(Debug, Clone)]
 pub struct Own {
@@ -32,7 +33,7 @@ impl Own {
 
 impl Described for Own {
     fn common(&self) -> &'static [&'static str] {
-        &crate::shader::FOR_METHODS[..if self.has_k { 3 } else { 2 }]
+        for_methods(self.has_k)
     }
     fn values(&self) -> Values {
         self.values
