@@ -21,6 +21,7 @@ VARIANTS = {
     "bucket_peeling": [{"buckets": 1}, {"buckets": 5}],
     "stencil_routed": [{"k": 1}, {"k": 3}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
+    "wavelet": [{"rank": 1}, {"rank": 5}],
 }
 # Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.
 TRIANGLES = {"depth_peeling": 12, "dual_depth_peeling": 16}
@@ -29,6 +30,8 @@ TRIANGLES = {"depth_peeling": 12, "dual_depth_peeling": 16}
 TOLERANCE = {
     # Weights are up to the sixth power of a depth, whose error comes with it.
     "wboit": 2e-5,
+    # At rank 5, F rises by up to 5 within a cell, 1/64 of the range: 300 times what a depth is off by.
+    "wavelet": 5e-5,
 }
 DEFAULT_TOLERANCE = 5e-6
 
@@ -64,6 +67,14 @@ def random_stacks(n, pixels=200, seed=0, alpha=1.0):
     colors[..., 3] *= alpha
     order = rng.permuted(np.broadcast_to(np.arange(n), (pixels, n)), axis=1)
     return rng.uniform(1, 10, (pixels, n)), colors, order
+
+
+def rmse(variant, n, alpha, pixels=900):
+    """The error of colours over grey, of random stacks: n layers with alphas up to `alpha`, depths from 0 to 1."""
+    id, options = variant
+    depths, colors, order = random_stacks(n, pixels, alpha=alpha)
+    frags = lists_of((depths - 1) / 9, colors, order, (0.5, 0.5, 0.5, 1))
+    return np.sqrt(np.mean((frags.composite(id, **options) - frags.composite())[..., :3] ** 2))
 
 
 LENGTHS = (1, 2, 5, 12, 24)

@@ -329,6 +329,19 @@ ALL = (
         ),
         takes_range=True,
     ),
+    Method(
+        id="wavelet",
+        title="a mean colour weighted by the transmittance that Haar wavelets over depth give",
+        source="Aizenshtein, Smal and McGuire 2022, arXiv 2201.00094",
+        order="any",
+        passes=lambda rank: 2,
+        # 2 ** (rank + 1) coefficients, then Σ Tαc and Σ Tα.
+        bytes_per_pixel=lambda rank: 4 * 2 ** (rank + 1) + 16,
+        exact_when="one fragment, or all colours of a pixel equal, with alphas up to 0.99999",
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
+        parameters=(Parameter("rank", 3, "the finest level of wavelets: 2^(rank + 1) coefficients", low=1, high=5),),
+        takes_range=True,
+    ),
 )
 METHODS = {method.id: method for method in ALL}  # and those that are registered
 

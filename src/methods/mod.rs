@@ -19,6 +19,7 @@ mod mlab;
 mod phenomenological;
 mod stencil_routed;
 mod unsorted;
+mod wavelet;
 mod wboit;
 mod weighted_average;
 mod weighted_sum;
@@ -40,6 +41,7 @@ pub use mlab::Mlab;
 pub use phenomenological::Phenomenological;
 pub use stencil_routed::StencilRouted;
 pub use unsorted::Unsorted;
+pub use wavelet::Wavelet;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
 pub use weighted_sum::WeightedSum;
@@ -199,6 +201,7 @@ methods! {
     "weighted_average" WeightedAverage,
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
+    "wavelet" Wavelet,
 }
 
 impl Method {
