@@ -103,6 +103,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/weighted_sum",
     "methods/wboit",
     "methods/wavelet",
+    "methods/fourier",
     "tiles/triangle",
     "tiles/scene",
     "tiles/setup",

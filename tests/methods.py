@@ -22,6 +22,7 @@ VARIANTS = {
     "stencil_routed": [{"k": 1}, {"k": 3}],
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
     "wavelet": [{"rank": 1}, {"rank": 5}],
+    "fourier": [{"terms": 1}, {"terms": 16}],
 }
 # Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.
 TRIANGLES = {"depth_peeling": 12, "dual_depth_peeling": 16}
@@ -32,6 +33,8 @@ TOLERANCE = {
     "wboit": 2e-5,
     # At rank 5, F rises by up to 5 within a cell, 1/64 of the range: 300 times what a depth is off by.
     "wavelet": 5e-5,
+    # With 16 terms F rises 33 times as fast as its range; waves round 16 times.
+    "fourier": 2e-5,
 }
 DEFAULT_TOLERANCE = 5e-6
 

@@ -14,6 +14,7 @@ mod depth_peeling;
 mod dual_depth_peeling;
 pub mod exact;
 mod hybrid;
+mod fourier;
 mod k_buffer;
 mod mlab;
 mod phenomenological;
@@ -36,6 +37,7 @@ pub use common::parameters::{Parameters, Value};
 pub use depth_peeling::DepthPeeling;
 pub use dual_depth_peeling::DualDepthPeeling;
 pub use hybrid::Hybrid;
+pub use fourier::Fourier;
 pub use k_buffer::KBuffer;
 pub use mlab::Mlab;
 pub use phenomenological::Phenomenological;
@@ -202,6 +204,7 @@ methods! {
     "weighted_sum" WeightedSum,
     "wboit" Wboit,
     "wavelet" Wavelet,
+    "fourier" Fourier,
 }
 
 impl Method {
