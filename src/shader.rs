@@ -104,6 +104,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/wboit",
     "methods/wavelet",
     "methods/fourier",
+    "methods/stochastic",
     "tiles/triangle",
     "tiles/scene",
     "tiles/setup",

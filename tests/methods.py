@@ -23,6 +23,7 @@ VARIANTS = {
     "wboit": [{"weight": w} for w in ("8", "9", "10", "none")],
     "wavelet": [{"rank": 1}, {"rank": 5}],
     "fourier": [{"terms": 1}, {"terms": 16}],
+    "stochastic": [{"draws": 3, "estimator": "b"}, {"draws": 16, "estimator": "c", "seed": 2**32 - 1}],
 }
 # Triangles of a scene of 40 that a method of many passes is given: Mesa's llvmpipe ends loops after so many turns.
 TRIANGLES = {"depth_peeling": 12, "dual_depth_peeling": 16}

@@ -355,6 +355,28 @@ ALL = (
         parameters=(Parameter("terms", 3, "pairs of a cosine and a sine", low=1, high=16),),
         takes_range=True,
     ),
+    Method(
+        id="stochastic",
+        title="random draws, each of which keeps its nearest fragment",
+        source="Enderton et al. 2010, I3D; Laine and Karras 2011, EGSR",
+        order="any",
+        passes=lambda draws, seed, estimator: 2 if estimator == "c" else 1,
+        # A depth and a colour a draw, then the exact transmittance, then Σ Vαc and Σ Vα.
+        bytes_per_pixel=lambda draws, seed, estimator: 12 * draws + {"a": 0, "b": 4, "c": 20}[estimator],
+        exact_when="alphas are 0 or 1; with estimator a in expectation",
+        flags=_flags("noop_alpha0", "opaque_front", "hull"),
+        parameters=(
+            Parameter("draws", 8, "samples that a fragment covers with probability alpha", low=1, high=64),
+            Parameter("seed", 0, "another one draws otherwise", low=0, high=2**32 - 1),
+            Parameter(
+                "estimator",
+                "a",
+                "a: the mean of the draws; b: with exact alpha; c: all fragments, by how many draws see them",
+                ("a", "b", "c"),
+            ),
+        ),
+        deterministic="yes, by seed",
+    ),
 )
 METHODS = {method.id: method for method in ALL}  # and those that are registered
 

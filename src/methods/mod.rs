@@ -20,6 +20,7 @@ mod mlab;
 mod phenomenological;
 mod stencil_routed;
 mod unsorted;
+mod stochastic;
 mod wavelet;
 mod wboit;
 mod weighted_average;
@@ -43,6 +44,7 @@ pub use mlab::Mlab;
 pub use phenomenological::Phenomenological;
 pub use stencil_routed::StencilRouted;
 pub use unsorted::Unsorted;
+pub use stochastic::Stochastic;
 pub use wavelet::Wavelet;
 pub use wboit::Wboit;
 pub use weighted_average::WeightedAverage;
@@ -205,6 +207,7 @@ methods! {
     "wboit" Wboit,
     "wavelet" Wavelet,
     "fourier" Fourier,
+    "stochastic" Stochastic,
 }
 
 impl Method {
