@@ -6,5 +6,5 @@ pub mod layer;
 pub mod nearest;
 pub mod own;
 pub mod parameters;
-pub mod window;
 pub mod shade;
+pub mod window;
