@@ -1,6 +1,7 @@
 """Checks of arguments, shared by everything that takes arrays."""
 
 import difflib
+import numbers
 import os
 
 import numpy as np
@@ -11,10 +12,11 @@ FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def choice(name, value, valid):
-    """`value` if it is one of `valid` (text, or None), else a ParameterError that lists them and names the nearest."""
+    """That of `valid` (text, integers, or None) which `value` is, else a ParameterError that lists them and names the nearest."""
     valid = list(valid)
-    if (value is None or isinstance(value, str)) and value in valid:
-        return value
+    is_plain = value is None or isinstance(value, (str, numbers.Integral))
+    if is_plain and not isinstance(value, bool) and value in valid:  # True would be 1
+        return valid[valid.index(value)]
     by_text = {str(v): v for v in valid}
     near = difflib.get_close_matches(str(value), by_text, 1)
     hint = f"; did you mean {by_text[near[0]]!r}?" if near else ""

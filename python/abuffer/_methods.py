@@ -377,6 +377,28 @@ ALL = (
         ),
         deterministic="yes, by seed",
     ),
+    Method(
+        id="mboit",
+        title="a mean colour weighted by a transmittance that moments of absorbance give",
+        source="Münstermann, Krumpen, Klein and Peters 2018, I3D",
+        order="any",
+        passes=lambda moments, trigonometric, beta: 2,
+        bytes_per_pixel=lambda moments, trigonometric, beta: 4 * (1 + moments) + 16,
+        exact_when="beta is 0 and a pixel has at most moments / 2 + 1 depths, well apart: up to a bias under 5e-5",
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
+        parameters=(
+            Parameter("moments", 4, "moments of a pixel; of complex ones, the real and imaginary parts", (4, 6, 8)),
+            Parameter("trigonometric", False, "complex moments, half as many, in place of power moments"),
+            Parameter(
+                "beta",
+                0.25,
+                "where between its bounds the absorbance in front of a fragment is: from 0, the lower, to 1",
+                high=1,
+                is_integer=False,
+            ),
+        ),
+        takes_range=True,
+    ),
 )
 METHODS = {method.id: method for method in ALL}  # and those that are registered
 

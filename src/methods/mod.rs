@@ -16,6 +16,7 @@ pub mod exact;
 mod fourier;
 mod hybrid;
 mod k_buffer;
+mod mboit;
 mod mlab;
 mod phenomenological;
 mod stencil_routed;
@@ -40,6 +41,7 @@ pub use dual_depth_peeling::DualDepthPeeling;
 pub use fourier::Fourier;
 pub use hybrid::Hybrid;
 pub use k_buffer::KBuffer;
+pub use mboit::Mboit;
 pub use mlab::Mlab;
 pub use phenomenological::Phenomenological;
 pub use stencil_routed::StencilRouted;
@@ -208,6 +210,7 @@ methods! {
     "wavelet" Wavelet,
     "fourier" Fourier,
     "stochastic" Stochastic,
+    "mboit" Mboit,
 }
 
 impl Method {
@@ -271,11 +274,18 @@ pub fn run<T: Real, M: Streamed<T>>(
 pub mod tests {
     use super::*;
 
-    /// Every method that streams, with some parameters.
+    /// Every method that streams, with some parameters: between them they use every file of shaders.
     pub fn some_methods() -> Vec<Method> {
         let counts = ["k", "moments", "rank", "terms", "draws", "buckets"];
-        let parameters = Parameters(counts.map(|name| (name.to_string(), Value::Number(4.0))).into());
-        IDS[1..].iter().filter_map(|id| Method::of(id, &parameters)).collect()
+        let with = |count: f64, flag: bool| {
+            let numbers = counts.map(|name| (name.to_string(), Value::Number(count)));
+            let flags = [("trigonometric".to_string(), Value::Flag(flag))];
+            Parameters(numbers.into_iter().chain(flags).collect())
+        };
+        let both = [with(4.0, false), with(8.0, true)];
+        let all = both.iter().flat_map(|p| IDS[1..].iter().filter_map(move |id| Method::of(id, p)));
+        let mut seen = std::collections::HashSet::new();
+        all.filter(|method| seen.insert((method.id().to_string(), method.constants_text()))).collect()
     }
 
     /// A fragment at a depth; submitted in the order of an array.

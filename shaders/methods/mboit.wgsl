@@ -1,0 +1,50 @@
+// Moment-based order-independent transparency (Münstermann, Krumpen, Klein and Peters 2018; src/methods/mboit.rs).
+
+struct State {
+    moments: Moments,
+    factors: Factors,
+    // Σ α T c, and last Σ α T, over the greatest T.
+    sum: vec4f,
+    // −ln of that.
+    least: f32,
+}
+
+fn begin(place: Place) -> State {
+    return State(moments_none(), factors_none(), vec4f(0.0), NOT_MET);
+}
+
+fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
+    if pass_index == 1u && (*s).moments.total > 0.0 {
+        (*s).factors = factorised((*s).moments);
+        return true;
+    }
+    return pass_index == 0u;
+}
+
+fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
+    let color = fragment.color;
+    if color.a <= 0.0 {
+        return;
+    }
+    let depth = warped(fragment.depth);
+    if pass_index == 0u {
+        (*s).moments = moments_add((*s).moments, min(absorbance(color.a), MOST_ABSORBANCE), depth);
+        return;
+    }
+    let before = share_before((*s).factors, depth, method.beta) * (*s).moments.total;
+    if before < (*s).least {
+        (*s).sum *= exp(before - (*s).least);
+        (*s).least = before;
+    }
+    let weight = color.a * exp((*s).least - before);
+    (*s).sum += vec4f(weight * color.rgb, weight);
+}
+
+fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
+    let total = (*s).moments.total;
+    return layer_over(coverage_of_mean(Coverage(opacity(total), transmittance_of(total)), (*s).sum), behind);
+}
+
+fn left_out(s: ptr<private, State>, count: u32) -> u32 {
+    return 0u;
+}

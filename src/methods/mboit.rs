@@ -1,0 +1,221 @@
+//! Moment-based order-independent transparency (Münstermann, Krumpen, Klein and Peters 2018).
+//!
+//! A first pass sums absorbances aᵢ = −ln(1 − αᵢ) and their moments over depth. From these a second one reconstructs how
+//! much absorbance A(ζ) is in front of each fragment, and sums colours weighted by T = e^{−A}: C = (1 − e^{−b₀})
+//! Σ α T c / Σ α T + e^{−b₀} B, with b₀ = Σ aᵢ, so that coverage is exact. A(ζ) lies between two bounds, `beta` from the
+//! lower to the upper. The moments are power moments (common/power_moments.rs) or trigonometric ones
+//! (common/trigonometric_moments.rs). Exact, up to the bias λ, where beta is 0 and a pixel has no more than one depth more
+//! than half the moments: these, the fragment's among them, are then the representation that is looked for.
+//!
+//! The published code leaves out pixels of b₀ under 0.001 and stops a at 10; here a stops at −ln 2⁻²⁴, that of the float
+//! next to 1, and no pixel is left out: normalised moments are as good for thin ones. It weighs with T itself, which is 0
+//! for all fragments of a pixel that is dense enough; here the greatest T of those met so far is divided out.
+
+use super::common::absorbance::{absorbance, opacity, transmittance};
+use super::common::layer::{Coverage, Layer};
+use super::common::power_moments::{self, LEAST_PIVOT, PowerMoments};
+use super::common::roots;
+use super::common::trigonometric_moments::{self, TrigonometricMoments};
+use super::common::warp::warped;
+use super::{DepthRange, Described, Fragment, Parameters, Place, Streamed, Values};
+use crate::real::Real;
+
+/// −ln 2⁻²⁴.
+const MOST_ABSORBANCE: f64 = 16.635_532_333_438_686;
+/// More than there is in front of any fragment: 2¹⁰⁰.
+const NOT_MET: f64 = 1.267_650_600_228_229_4e30;
+
+#[derive(Debug, Clone)]
+pub struct Mboit {
+    /// Complex moments, or half as many as there are power moments.
+    half: usize,
+    trigonometric: bool,
+    beta: f64,
+    range: DepthRange,
+}
+
+enum Moments<T> {
+    Power(PowerMoments<T>),
+    Trigonometric(TrigonometricMoments<T>),
+}
+
+pub struct State<T> {
+    moments: Moments<T>,
+    /// Σ α T c, and last Σ α T, over the greatest T.
+    sum: [T; 4],
+    /// −ln of that.
+    least: T,
+}
+
+impl<T: Real> Moments<T> {
+    fn total(&self) -> T {
+        match self {
+            Self::Power(moments) => moments.total(),
+            Self::Trigonometric(moments) => moments.total(),
+        }
+    }
+    fn add(&mut self, absorbance: T, depth: T) {
+        match self {
+            Self::Power(moments) => moments.add(absorbance, depth),
+            Self::Trigonometric(moments) => moments.add(absorbance, depth),
+        }
+    }
+    fn factorise(&mut self) {
+        match self {
+            Self::Power(moments) => moments.factorise(),
+            Self::Trigonometric(moments) => moments.factorise(),
+        }
+    }
+    fn share_before(&self, depth: T, beta: T) -> T {
+        match self {
+            Self::Power(moments) => moments.share_before(depth, beta),
+            Self::Trigonometric(moments) => moments.share_before(depth, beta),
+        }
+    }
+}
+
+impl Mboit {
+    pub fn of(parameters: &Parameters) -> Self {
+        Self {
+            half: (parameters.count("moments") / 2).clamp(2, 4),
+            trigonometric: parameters.flag("trigonometric"),
+            beta: parameters.number("beta"),
+            range: parameters.depth_range(),
+        }
+    }
+}
+
+impl Described for Mboit {
+    fn constants(&self) -> Vec<(&'static str, String)> {
+        let mut constants = vec![
+            ("HALF", format!("{}u", self.half)),
+            ("LEAST_PIVOT", format!("{LEAST_PIVOT:?}")),
+            ("FAR_ROOT", format!("{:?}", roots::FAR)),
+            ("ROOT_STEPS", format!("{}u", roots::STEPS)),
+            ("MOST_ABSORBANCE", format!("{MOST_ABSORBANCE:?}")),
+            ("NOT_MET", format!("{NOT_MET:?}")),
+        ];
+        if self.trigonometric {
+            constants.push(("BIAS", format!("{:?}", trigonometric_moments::bias(self.half))));
+            constants.push(("ZONE", format!("{:?}", trigonometric_moments::ZONE)));
+            constants.push(("ZONE_START", format!("{:?}", trigonometric_moments::zone_start())));
+        } else {
+            let (bias, towards) = power_moments::bias(self.half);
+            let vector =
+                |of: &[f64]| format!("vec4f({})", of.iter().map(|v| format!("{v:?}, ")).collect::<String>());
+            constants.push(("BIAS", format!("{bias:?}")));
+            constants.push(("TOWARDS_LOW", vector(&towards[..4])));
+            constants.push(("TOWARDS_HIGH", vector(&towards[4..])));
+        }
+        constants
+    }
+    fn common(&self) -> &'static [&'static str] {
+        if self.trigonometric {
+            &[
+                "methods/common/layer",
+                "methods/common/absorbance",
+                "methods/common/warp",
+                "methods/common/roots",
+                "methods/common/trigonometric_moments",
+            ]
+        } else {
+            &[
+                "methods/common/layer",
+                "methods/common/absorbance",
+                "methods/common/warp",
+                "methods/common/roots",
+                "methods/common/power_moments",
+            ]
+        }
+    }
+    fn values(&self) -> Values {
+        Values { range: self.range, beta: self.beta, ..Values::default() }
+    }
+    fn work(&self, _: u32) -> (u32, u32) {
+        (2, roots::STEPS * (self.half as u32 - 2))
+    }
+}
+
+impl<T: Real> Streamed<T> for Mboit {
+    type State = State<T>;
+
+    fn begin(&self, _: Place) -> State<T> {
+        let moments = if self.trigonometric {
+            Moments::Trigonometric(TrigonometricMoments::none(self.half))
+        } else {
+            Moments::Power(PowerMoments::none(self.half))
+        };
+        State { moments, sum: [T::ZERO; 4], least: T::from_f64(NOT_MET) }
+    }
+
+    fn turn(&self, state: &mut State<T>, pass: u32) -> bool {
+        if pass == 1 && state.moments.total() > T::ZERO {
+            state.moments.factorise();
+            return true;
+        }
+        pass == 0
+    }
+
+    fn insert(&self, state: &mut State<T>, fragment: &Fragment<T>, pass: u32) {
+        let [r, g, b, a] = fragment.color;
+        if a <= T::ZERO {
+            return;
+        }
+        let depth = warped(self.range, fragment.depth);
+        if pass == 0 {
+            state.moments.add(absorbance(a).smaller(T::from_f64(MOST_ABSORBANCE)), depth);
+            return;
+        }
+        let share = state.moments.share_before(depth, T::from_f64(self.beta));
+        let before = share * state.moments.total();
+        if before < state.least {
+            let rest = (before - state.least).exp();
+            state.sum = state.sum.map(|sum| sum * rest);
+            state.least = before;
+        }
+        let weight = a * (state.least - before).exp();
+        let [x, y, z, w] = state.sum;
+        state.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+    }
+
+    fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
+        let total = state.moments.total();
+        let coverage = Coverage { alpha: opacity(total), transmittance: transmittance(total) };
+        let layer: Layer<T> = coverage.of_mean(state.sum);
+        layer.over(behind)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::methods::tests::{fragment, run};
+
+    fn of(half: usize, trigonometric: bool, beta: f64) -> Mboit {
+        Mboit { half, trigonometric, beta, range: (1.0, 4.0) }
+    }
+
+    #[test]
+    fn two_depths_are_exact_without_overestimation_and_not_with_it() {
+        let two = [fragment(4, [0.0, 1.0, 0.0, 0.5]), fragment(1, [1.0, 0.0, 0.0, 0.5])];
+        for trigonometric in [false, true] {
+            for half in 2..=4 {
+                let off = |beta| (run(&of(half, trigonometric, beta), &two).0[0] - 0.5).abs();
+                assert!(off(0.0) < 1e-5, "{half} {trigonometric}");
+                // The one in front keeps T = ½^¼, the other ½ · ½^¼: the same in proportion.
+                assert!(off(0.25) < 1e-4, "{half} {trigonometric}");
+            }
+        }
+        let unequal = [fragment(4, [0.0, 1.0, 0.0, 0.9]), fragment(1, [1.0, 0.0, 0.0, 0.5])];
+        assert!((run(&of(2, false, 0.25), &unequal).0[0] - 0.5).abs() > 0.01);
+    }
+
+    #[test]
+    fn alpha_1_stops_at_that_of_float32_and_dense_pixels_keep_a_color() {
+        let (image, _) = run(&of(2, false, 0.25), &[fragment(1, [1.0; 4])]);
+        assert!((image[3] - (1.0 - 2.0_f64.powi(-24))).abs() < 1e-12);
+        let dense: Vec<_> = (0..3000).map(|i| fragment(i % 4 + 1, [0.5, 0.25, 1.0, 1.0])).collect();
+        assert_eq!(run(&of(4, false, 1.0), &dense).0, [0.5, 0.25, 1.0, 1.0]);
+        assert_eq!(run(&of(2, true, 0.25), &[fragment(1, [1.0, 1.0, 1.0, 0.0])]).0, [0.0; 4]);
+    }
+}
