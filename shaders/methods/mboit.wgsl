@@ -26,7 +26,7 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
     if color.a <= 0.0 {
         return;
     }
-    let depth = warped(fragment.depth);
+    let depth = 2.0 * depth_in_range(fragment.depth) - 1.0;
     if pass_index == 0u {
         (*s).moments = moments_add((*s).moments, min(absorbance(color.a), MOST_ABSORBANCE), depth);
         return;

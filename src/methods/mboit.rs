@@ -12,11 +12,11 @@
 //! for all fragments of a pixel that is dense enough; here the greatest T of those met so far is divided out.
 
 use super::common::absorbance::{absorbance, opacity, transmittance};
+use super::common::depth::depth_in_range;
 use super::common::layer::{Coverage, Layer};
 use super::common::power_moments::{self, LEAST_PIVOT, PowerMoments};
 use super::common::roots;
 use super::common::trigonometric_moments::{self, TrigonometricMoments};
-use super::common::warp::warped;
 use super::{DepthRange, Described, Fragment, Parameters, Place, Streamed, Values};
 use crate::real::Real;
 
@@ -74,6 +74,12 @@ impl<T: Real> Moments<T> {
     }
 }
 
+/// ζ, from −1 at the nearest of a scene's depths to 1 at the farthest.
+fn warped<T: Real>(depth: T, range: DepthRange) -> T {
+    let x = depth_in_range(depth, range);
+    x + x - T::ONE
+}
+
 impl Mboit {
     pub fn of(parameters: &Parameters) -> Self {
         Self {
@@ -114,7 +120,7 @@ impl Described for Mboit {
             &[
                 "methods/common/layer",
                 "methods/common/absorbance",
-                "methods/common/warp",
+                "methods/common/depth",
                 "methods/common/roots",
                 "methods/common/trigonometric_moments",
             ]
@@ -122,7 +128,7 @@ impl Described for Mboit {
             &[
                 "methods/common/layer",
                 "methods/common/absorbance",
-                "methods/common/warp",
+                "methods/common/depth",
                 "methods/common/roots",
                 "methods/common/power_moments",
             ]
@@ -161,7 +167,7 @@ impl<T: Real> Streamed<T> for Mboit {
         if a <= T::ZERO {
             return;
         }
-        let depth = warped(self.range, fragment.depth);
+        let depth = warped(fragment.depth, self.range);
         if pass == 0 {
             state.moments.add(absorbance(a).smaller(T::from_f64(MOST_ABSORBANCE)), depth);
             return;

@@ -10,5 +10,4 @@ pub mod power_moments;
 pub mod roots;
 pub mod shade;
 pub mod trigonometric_moments;
-pub mod warp;
 pub mod window;
