@@ -36,7 +36,9 @@ All run in tiles, on the CPU in both precisions and on GPUs, and see fragments i
 forms do in hardware or with ordered access to pixels is replayed here, so that images are theirs and times are not.
 
 Passes and bytes are those of the defaults: over the geometry, and kept for a pixel by the published form. A method that
-normalises depths takes `depth_range=(nearest, farthest)`, by default that of the translucent vertices.
+normalises depths takes `depth_range=(nearest, farthest)`, by default that of the translucent vertices; over captured lists that
+of their fragments. The weight of `wboit` may also be an expression of your own, in WGSL, of the eye depth `z` and `alpha`:
+`weight="alpha / (0.1 + z * z)"`. [Adding a method](../adding-a-method.md) says how a whole one is added.
 """
 INVARIANTS = """
 ## Invariants

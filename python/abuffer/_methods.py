@@ -3,10 +3,11 @@
 Argument checks, `abuffer.methods()`, the documentation and the tests of invariants walk the same rows.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from . import _check, painter
+from . import _check, own_weight, painter
 from .errors import ParameterError
 
 # What holds for a method's image, or does not: tests show both.
@@ -133,6 +134,9 @@ def _flags(*names):
     assert set(names) <= set(FLAGS), names
     return frozenset(names)
 
+
+WEIGHTS = ("7", "8", "9", "10", "none")
+OPERATOR = re.compile(r"[-+*/(.]|z|alpha")  # of an expression; a misspelt choice has none
 
 ALL = (
     Method(
@@ -323,8 +327,8 @@ ALL = (
             Parameter(
                 "weight",
                 "7",
-                'the equation of the paper that weighs fragments, or "none": all alike',
-                ("7", "8", "9", "10", "none"),
+                'the equation of the paper that weighs fragments, "none": all alike, or WGSL in z and alpha',
+                WEIGHTS,
             ),
         ),
         takes_range=True,
@@ -476,6 +480,10 @@ def chosen(name, options, others, function, arguments) -> Chosen:
                 f"it is one of {', '.join(have)}"
             )
     _check.arguments(function, options, (*method.options, *others), f"method {name!r}", arguments)
+    weight = options.get("weight")
+    if name == "wboit" and isinstance(weight, str) and weight not in WEIGHTS and OPERATOR.search(weight):
+        method = own_weight.weighted(method, weight)
+        options = {option: value for option, value in options.items() if option != "weight"}
     depth_range = options.get("depth_range")
     return Chosen(method, method.checked(options), None if depth_range is None else _depths(depth_range))
 
