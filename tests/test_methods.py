@@ -145,6 +145,12 @@ def test_other_pipelines_have_exact_alone(needs_gpu):
     assert ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu").plan["pipeline"] == "tiles"
 
 
+def test_the_plan_says_that_times_are_of_a_replay():
+    for id in METHODS:
+        frame = ab.render(scene(), CAMERA, **SIZE, method=id, device="cpu")
+        assert [choice for what, choice, _ in frame.plan if what == "cost"] == ([] if id == "exact" else ["replayed"])
+
+
 def test_unknown_parameters_name_the_methods_that_have_them():
     with pytest.raises(ParameterError, match=r"k is no parameter of method 'wboit', which has weight.*k_buffer"):
         ab.render(scene(), CAMERA, **SIZE, method="wboit", k=4)

@@ -187,6 +187,8 @@ def prepared(
     own_methods.require(how, *needed)
     if method != "exact" and pipeline != "tiles":
         raise ParameterError(f'pipeline {pipeline!r} has method "exact" alone: give pipeline="tiles" for {method!r}')
+    if method != "exact":
+        plan.append(("cost", "replayed", "times are those of a walk over tiles, not of the method's published form"))
     request = all_of(options, pipeline) | {
         "method": how.parts(*_depth_range(meshes, camera, how)),
         "width": width,
