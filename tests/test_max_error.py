@@ -164,3 +164,10 @@ def test_modes_have_no_bound():
     additive = ab.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0, 0, 0.5), blend="additive")
     with pytest.raises(ParameterError, match="no bound is known for other modes"):
         ab.render(additive, CAMERA, **SIZE, device="cpu", max_error=0.1)
+
+
+def test_colours_whose_sum_is_infinite_are_not_summed():
+    bright = stack(np.tile([3e38, 3e38, 3e38, 0.9], (4, 1)))
+    frame = ab.render(bright, CAMERA, **SIZE, device="cpu", max_error=1e36)
+    assert np.isfinite(frame.image).all()
+    assert not frame.plan["method"].startswith("wboit")

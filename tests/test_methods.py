@@ -182,3 +182,35 @@ def test_a_depth_range_is_two_rising_depths():
 
 def test_no_parameter_is_named_like_an_argument_or_another_option():
     assert not set(parameters()) & {*ab.job.ARGUMENTS, *ab.options.EXACT_OPTIONS}
+
+
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+@pytest.mark.parametrize("id", ["wboit", "unsorted", "triangle_sorted"])
+def test_listing_opaque_surfaces_changes_no_image(id, device, needs_gpu):
+    """With "all" they are in the lists, and hide in the image as ever."""
+    given = {**SIZE, "method": id, "device": device, "pipeline": "tiles"}
+    plain, all_listed = (ab.render(scene(True), CAMERA, **given, fragments=f) for f in (False, "all"))
+    np.testing.assert_array_equal(all_listed.image, plain.image)
+    assert all_listed.stats.fragments == all_listed.counts.sum() == len(all_listed.fragments)
+    assert (all_listed.fragments.primitive == 40).any()  # the wall
+
+
+def test_the_depth_range_is_that_of_the_vertices_that_translucent_triangles_have():
+    rng = np.random.default_rng(0)
+    positions, colors = rng.uniform(-1, 1, (24, 3)), rng.uniform(0, 1, (8, 4))
+    faces = np.arange(24).reshape(8, 3)
+    with_unused = ab.Mesh(np.vstack([positions, [[0, 0, -1e6]]]), faces, colors=colors)
+    image, wanted = (
+        ab.render(m, CAMERA, **SIZE, method="mboit", device="cpu")
+        for m in (with_unused, ab.Mesh(positions, faces, colors=colors))
+    )
+    np.testing.assert_array_equal(image.image, wanted.image)
+    depths = 4 - positions[:, 2]
+    assert image.plan["depth range"] == f"{depths.min():g} to {depths.max():g}"
+    # What is far away leaves the nearest depth where it is; an eye amid the scene does not.
+    far = ab.Mesh([[-1e4, 0, -1e4], [1e4, 0, -1e4], [0, 1e4, -1e4]], colors=(1, 1, 1, 0.5))
+    ranges = [
+        ab.render([far, with_unused], camera, **SIZE, method="mboit", device="cpu").plan["depth range"]
+        for camera in (CAMERA, ab.Camera.look_at((0, 0, 0), (0, 0, -1)))
+    ]
+    assert ranges == [f"{depths.min():g} to 10004", "10 to 10000"]

@@ -138,3 +138,13 @@ def test_lists_are_not_enough_to_sort_triangles():
         frags.composite("triangle_sorted", scene=[], camera=CAMERA)
     with pytest.raises(ParameterError, match="no option of that name"):
         frags.composite("unsorted", scene=plane(0, RED))
+
+
+def test_meshes_without_faces_and_cameras_that_are_none():
+    scene = [ab.Mesh(np.zeros((0, 3))), plane(0.5, RED), plane(-0.5, GREEN)]
+    for method in METHODS:
+        frame = ab.render(scene, CAMERA, **SIZE, method=method, fragments=True)
+        again = frame.fragments.composite(method, scene=scene, camera=CAMERA)
+        np.testing.assert_allclose(frame.image, again, atol=1e-14)
+        with pytest.raises(ParameterError, match=r"camera must be an abuffer\.Camera, got int"):
+            frame.fragments.composite(method, scene=scene, camera=5)

@@ -106,6 +106,15 @@ def test_loops_are_refused_on_software_drivers_unless_they_are_counted(strongest
             ab.render(scene(), CAMERA, **SIZE, method="looping", device="llvmpipe")
 
 
+def test_a_method_that_asks_for_passes_without_end_has_those_that_it_was_registered_with(strongest, needs_gpu):
+    text = strongest["WGSL"].replace("return pass_index == 0u;", "return true;")
+    given = {"numpy": strongest["strongest"], "parameters": METHODS["strongest"].parameters}
+    ab.register_method("endless", wgsl=text, **given)
+    image = ab.render(scene(), CAMERA, **SIZE, method="endless", device="gpu").image
+    wanted = ab.render(scene(), CAMERA, **SIZE, method="strongest", device="gpu").image
+    np.testing.assert_array_equal(image, wanted)
+
+
 def test_a_method_runs_where_it_has_something_to_run(strongest, needs_gpu):
     given = {"parameters": METHODS["strongest"].parameters}
     ab.register_method("one", wgsl=strongest["WGSL"], **given)
@@ -146,6 +155,15 @@ def test_k_brings_the_k_nearest(registered, needs_gpu):
         ("mine", {"flags": ["modes"]}, "flags must be one of"),
         ("mine", {"parameters": ["k"]}, "must be abuffer.MethodParameter"),
         ("mine", {"passes": 0}, "passes"),
+        ("mine", {"wgsl": 5}, "wgsl must be text"),
+        *(
+            ("mine", {"parameters": [ab.MethodParameter(name, 1, "")]}, "a name of its own")
+            for name in ("cutoff", "device", "color", "G", "g h")
+        ),
+        ("mine", {"parameters": [ab.MethodParameter("g", 1, "")] * 2}, "a name of its own"),
+        ("mine", {"parameters": [ab.MethodParameter("g", 99, "", high=4)]}, "g must be between 0 and 4"),
+        ("mine", {"parameters": [ab.MethodParameter("g", -1, "", low=-2)]}, "u32"),
+        ("mine", {"parameters": [ab.MethodParameter("k", 100, "", low=1)]}, "high=64"),
     ],
     ids=str,
 )

@@ -473,7 +473,7 @@ def chosen(name, options, others, function, arguments) -> Chosen:
     _check.choice("method", name, METHODS)
     method = METHODS[name]
     for option in options:
-        if option in parameters() and option not in method.options:
+        if option in parameters() and option not in (*method.options, *others):
             have = [other.id for other in METHODS.values() if option in other.options]
             raise ParameterError(
                 f"{option} is no parameter of method {name!r}, which has {', '.join(method.options) or 'none'}; "

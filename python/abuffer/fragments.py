@@ -6,6 +6,7 @@ import numpy as np
 
 from . import _check, _core, _methods, archive, columns, cutoff, geometry, options, own_methods, painter
 from .blend import BLENDS, composite, require, resolve
+from .camera import Camera
 from .errors import ParameterError, SceneError, UnsupportedError
 from .padded import Padded, pad, unpad
 from .scene import as_scene
@@ -300,6 +301,8 @@ class Fragments:
             raise ParameterError(
                 f"method {method.id!r} sorts {method.sorts}, which lists do not hold: give scene= and camera= too"
             )
+        if not isinstance(camera, Camera):
+            raise ParameterError(f"camera must be an abuffer.Camera, got {type(camera).__name__}")
         scene = as_scene(scene)
         ranks = painter.ranks(scene, camera, method.sorts, key)
         geometry.check_primitives(self, len(ranks))

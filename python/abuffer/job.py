@@ -51,7 +51,18 @@ class Job:
         """What the core gives: of a GPU's `_core.Upload`, if there is one that has this scene."""
         if self.how.method.sorts:
             return self._painted(upload)
+        if self.how.method.id != "exact" and self.request["lists"] == "all":
+            image = replace(self, request=self.request | {"lists": "count"})._output(upload)
+            return self._beside_lists(image, upload)
         return self._output(upload)
+
+    def _beside_lists(self, output, upload):
+        """The lists of the scene as it is, beside an image that opaque surfaces hide in."""
+        exact = _methods.chosen("exact", {}, (), "render", ())
+        request = self.request | {"method": exact.parts(), "msaa_resolve": "per_pixel"}
+        whole = replace(self, request=request, how=exact)._output(upload)
+        counted = {name: whole["stats"][name] for name in ("fragments", "max_depth_complexity")}
+        return whole | {"image": output["image"], "stats": output["stats"] | counted}
 
     def _output(self, upload):
         if self.adapter is not None:
@@ -71,9 +82,7 @@ class Job:
         lists = "none" if self.request["lists"] == "none" else "count"
         output = replace(self, parts=parts, request=self.request | {"lists": lists})._output(None)
         if self.request["lists"] in ("translucent", "all"):
-            exact = {"method": "exact", "parameters": {}, "own": None}
-            whole = replace(self, request=self.request | {"method": exact})._output(upload)
-            output = whole | {"image": output["image"], "stats": output["stats"]}
+            return self._beside_lists(output, upload)
         return output
 
     def _on_gpu(self, upload):
@@ -189,8 +198,12 @@ def prepared(
         raise ParameterError(f'pipeline {pipeline!r} has method "exact" alone: give pipeline="tiles" for {method!r}')
     if method != "exact":
         plan.append(("cost", "replayed", "times are those of a walk over tiles, not of the method's published form"))
+    nearest, farthest = how.depth_range or _depth_range(meshes, camera, how)
+    if how.method.takes_range:
+        why = "as asked" if how.depth_range else "of the translucent vertices: depth_range= sets it"
+        plan.append(("depth range", f"{nearest:g} to {farthest:g}", why))
     request = all_of(options, pipeline) | {
-        "method": how.parts(*_depth_range(meshes, camera, how)),
+        "method": how.parts(nearest, farthest),
         "width": width,
         "height": height,
         "lists": {False: "none", True: "translucent"}.get(fragments, fragments),
@@ -224,21 +237,21 @@ def prepared(
 ARGUMENTS = (*(name for name in inspect.signature(prepared).parameters if name != "options"), "max_error")
 
 
-# Depths below this share of the farthest are as near as it: a logarithm has no place for an eye amid a scene.
+# The nearest depth where an eye is amid a scene, as a share of the farthest: a logarithm has no place for 0.
 NEAREST = 1e-3
 
 
 def _depth_range(meshes, camera, how):
     """The depths that a method normalises by: from the nearest translucent vertex to the farthest."""
-    if how.depth_range or not how.method.takes_range:
+    if not how.method.takes_range:
         return None, None
     axis = camera.view[2]
-    depths = [-(mesh.positions @ axis[:3] + axis[3]) for mesh in meshes if not mesh.opaque]
+    depths = [-(mesh.used_positions() @ axis[:3] + axis[3]) for mesh in meshes if not mesh.opaque]
     if not depths:
         return 0.0, 0.0
     nearest, farthest = min(float(d.min()) for d in depths), max(float(d.max()) for d in depths)
-    if camera.is_perspective:
-        nearest = max(nearest, NEAREST * farthest)
+    if camera.is_perspective and nearest <= 0:
+        nearest = NEAREST * max(farthest, 0.0)
     return nearest, farthest
 
 

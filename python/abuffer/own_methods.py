@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import _check, _core, _methods
+from . import _check, _core, _methods, options
 from .errors import ParameterError
 
 BUILT_IN = frozenset(_methods.METHODS)
@@ -70,9 +70,12 @@ def register_method(
     _check.choice("order", order, ("submission", "any", "front_to_back") if wgsl is None else ("submission", "any"))
     for flag in flags:
         _check.choice("flags", flag, [name for name in _methods.FLAGS if name != "modes"])
-    parameters = tuple(parameters)
+    parameters = (parameters,) if isinstance(parameters, _methods.Parameter) else tuple(parameters)
     if not all(isinstance(parameter, _methods.Parameter) for parameter in parameters):
         raise ParameterError(f"parameters must be abuffer.MethodParameter, got {parameters!r}")
+    _check_parameters(parameters)
+    if wgsl is not None and not isinstance(wgsl, str):
+        raise ParameterError(f"wgsl must be text, got {type(wgsl).__name__}")
     passes = _methods.Parameter("passes", 1, "", low=1, high=1 << 16).checked(passes)
     method = _methods.Method(
         id=id,
@@ -95,6 +98,53 @@ def register_method(
             loops = _methods.Parameter("loops", 0, "", high=1 << 16).checked(loops)
         method = replace(method, loops=loops if has_loops else 0)
     _methods.METHODS[id] = method
+
+
+# What render, composite and a method's function call something else.
+TAKEN = frozenset(
+    [
+        "scene",
+        "camera",
+        "width",
+        "height",
+        "method",
+        "pipeline",
+        "device",
+        "samples",
+        "background",
+        "fragments",
+        "precision",
+        "memory",
+        "max_error",
+        "depth_range",
+        "nearest",
+        "farthest",
+        "color",
+        "depth",
+        "primitive",
+        "behind",
+    ]
+) | {*options.EXACT_OPTIONS}
+
+
+def _check_parameters(parameters):
+    names = [parameter.name for parameter in parameters]
+    for parameter in parameters:
+        name = parameter.name
+        if (
+            not (isinstance(name, str) and re.fullmatch("[a-z][a-z0-9_]*", name))
+            or name in TAKEN
+            or names.count(name) > 1
+        ):
+            raise ParameterError(f"a parameter needs a name of its own, in lower case, which {name!r} is not")
+        parameter.checked(parameter.default)
+        is_count = not parameter.choices and not isinstance(parameter.default, bool) and parameter.is_integer
+        if is_count and parameter.low < 0:
+            raise ParameterError(
+                f"integers are u32 in WGSL, and {name} goes down to {parameter.low}: give low=0 or more"
+            )
+        if name == "k" and not (is_count and 1 <= parameter.low <= parameter.high <= 64):
+            raise ParameterError("k is how many fragments are kept: an integer with low=1 or more and high=64 or less")
 
 
 def composite(chosen, offsets, color, depth, primitive, coverage, behind, depths):

@@ -31,7 +31,8 @@ fn turn(s: ptr<private, State>, pass_index: u32) -> bool {{
 
 fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {{
     let color = fragment.color;
-    let weight = color.a * weight_of(fragment.depth, color.a);
+    // A quotient by 0 and an overflow have no sum: between the limits weights are what they say.
+    let weight = color.a * clamp(weight_of(fragment.depth, color.a), 0.0, 1e6);
     (*s).sum += vec4f(weight * color.rgb, weight);
     (*s).coverage = coverage_add((*s).coverage, color.a);
 }}
@@ -45,6 +46,7 @@ fn left_out(s: ptr<private, State>, count: u32) -> u32 {{
 }}
 """
 
+MOST = 1e6  # of weights, in both
 FUNCTIONS = {
     "abs": np.abs,
     "ceil": np.ceil,
@@ -85,23 +87,21 @@ def weighted(wboit, expression):
 
     Args:
         wboit: the row of the table.
-        expression: of z, the eye depth, and alpha; it multiplies alpha times colour.
+        expression: of z, the eye depth, and alpha; it multiplies alpha times colour, and counts as 0 below 0, and as MOST above.
 
     Raises:
         ShaderError: it is no expression of WGSL. ParameterError: it uses what is not known here.
     """
+    if "//" in expression or "/*" in expression:
+        raise ParameterError(f"weight {expression!r} has a comment: give the expression alone")
     wgsl = WGSL.format(expression=expression)
     _core.check_method("weight", wgsl, "", False)
     weight = _function(expression)
 
     def composite(color, depth, primitive, behind):
         alpha = color[..., 3]
-        with np.errstate(all="ignore"):  # what is not finite is refused below
-            own = alpha * weight(depth, alpha)
-        if not np.isfinite(own).all():
-            raise ParameterError(
-                f"weight {expression!r} is not finite for some depth and alpha: give limits, as max(0.01, …)"
-            )
+        with np.errstate(all="ignore"):
+            own = alpha * np.clip(np.nan_to_num(weight(depth, alpha), nan=0.0, posinf=MOST, neginf=0.0), 0, MOST)
         through = np.cumprod(1 - alpha, axis=1)
         before = np.concatenate([np.ones((len(alpha), 1)), through], axis=1)
         coverage = (before[:, :-1] * alpha).sum(axis=1, keepdims=True)

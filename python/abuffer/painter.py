@@ -28,7 +28,7 @@ def painted(meshes, camera, what, key):
     """
     counts = [mesh.face_count for mesh in meshes]
     if what == "objects":
-        of_mesh = np.array([_depth_of_object(mesh, camera, key) for mesh in meshes])
+        of_mesh = np.array([_depth_of_object(mesh, camera, key) if mesh.face_count else 0.0 for mesh in meshes])
         keys = np.repeat(of_mesh, counts)
     else:
         corners = [depths_of(mesh.triangles(), camera) for mesh in meshes]

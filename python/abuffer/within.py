@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import _check
+from ._check import FLOAT32_MAX
 from .errors import ParameterError
 from .frame import Plan
 from .job import prepared
@@ -124,6 +125,8 @@ class _Search:
     def unsorted(self):
         if not self.methods_are_free:
             return None
+        if 2 * self.largest * self.counts.max() > FLOAT32_MAX:
+            return None  # their sum may be infinite
         # Sums of n alphas, and of their products, round n times each.
         off = self.bound(self.pairs * SLACK * (1 + 2 * self.counts * UNIT[np.float32]))
         if off.max() > self.max_error:

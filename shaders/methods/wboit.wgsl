@@ -14,6 +14,9 @@ fn power(x: f32, k: u32) -> f32 {
     return p;
 }
 
+// A common factor cancels, and this one brings weights below 1: bright colours do not overflow.
+const WEIGHT_SCALE = 1.0 / 4096.0;
+
 // w of the paper, which multiplies α c.
 fn weight_of(depth: f32, alpha: f32) -> f32 {
     let z = abs(depth);
@@ -30,13 +33,13 @@ fn weight_of(depth: f32, alpha: f32) -> f32 {
         }
         case 4u: {
             let front = 1.0 - window_depth(z);
-            return alpha * max(0.01, 3e3 * front * front * front);
+            return alpha * WEIGHT_SCALE * max(0.01, 3e3 * front * front * front);
         }
         default: {
             return 1.0;
         }
     }
-    return alpha * max(0.01, min(w, 3e3));
+    return alpha * WEIGHT_SCALE * max(0.01, min(w, 3e3));
 }
 
 fn begin(place: Place) -> State {

@@ -115,7 +115,8 @@ fn cs_stream(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
         state = begin(Place(pixel, s));
         for (var p = 0u; ; p++) {
             own_pass = p;
-            is_wanted = is_inside && turn(&state, p);
+            // Asked once more than there are passes: the state then takes in what the last one found.
+            is_wanted = is_inside && turn(&state, p) && p < method.passes;
             if !any_wants(is_wanted, local) {
                 break;
             }

@@ -165,16 +165,16 @@ pub struct MethodUniform {
     pub beta: f32,
     pub seed: u32,
     pub first_row: u32,
-    pub pad0: u32,
+    pub passes: u32,
     pub pad1: u32,
     pub pad2: u32,
 }
 
 impl MethodUniform {
-    pub fn new(method: &Method, first_row: u32) -> Self {
+    pub fn new(method: &Method, first_row: u32, passes: u32) -> Self {
         let Values { range: (nearest, farthest), beta, seed } = method.values();
         let (nearest, farthest, beta) = (nearest as f32, farthest as f32, beta as f32);
-        Self { nearest, farthest, beta, seed, first_row, pad0: 0, pad1: 0, pad2: 0 }
+        Self { nearest, farthest, beta, seed, first_row, passes, pad1: 0, pad2: 0 }
     }
 }
 

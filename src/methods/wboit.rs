@@ -54,7 +54,9 @@ impl Wboit {
         };
         let within = |w: T| n(0.01).larger(w.smaller(n(3e3)));
         let far = n(1e-5);
+        // A common factor cancels, and 2⁻¹² brings weights below 1: bright colours do not overflow.
         alpha
+            * n(1.0 / 4096.0)
             * match self.weight {
                 Weight::None => return T::ONE,
                 Weight::Equation7 => within(n(10.0) / (far + power(5.0, 2) + power(200.0, 6))),

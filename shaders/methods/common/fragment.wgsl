@@ -8,7 +8,8 @@ struct Method {
     seed: u32,
     // The first row of pixels that there is room for.
     first_row: u32,
-    pad0: u32,
+    // At most so many, whatever a method asks for.
+    passes: u32,
     pad1: u32,
     pad2: u32,
 }

@@ -249,7 +249,7 @@ impl Bins {
                 what: "the triangle lists of one row of tiles".into(),
                 needed,
                 limit,
-                advice: "raise memory=, or render with pipeline=\"linked_list\" or device=\"cpu\"".into(),
+                advice: "raise memory=, or render with device=\"cpu\", or method \"exact\" with pipeline=\"linked_list\"".into(),
             });
         }
         gpu.checked("the bins", || {

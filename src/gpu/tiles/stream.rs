@@ -52,6 +52,7 @@ pub fn render(
         })?;
     stats.stage("upload", clock);
     check_trips(&gpu, request, walker.counted.longest)?;
+    let (passes, _) = request.method.work(walker.counted.longest);
 
     let each = request.image_samples() as u64;
     let (width, height) = ready.size;
@@ -76,7 +77,7 @@ pub fn render(
             let part_totals = storage(&gpu, "totals", 4 * TOTAL_WORDS as u64);
             Ok((part, part_counts, part_totals))
         })?;
-        let uniform = MethodUniform::new(&request.method, band.start);
+        let uniform = MethodUniform::new(&request.method, band.start, passes);
         let uniform = with_contents(&gpu, "method", BufferUsages::UNIFORM, &[uniform]);
         let slots = [
             (&part).into(),
