@@ -460,6 +460,9 @@ class Chosen:
         return text
 
 
+EXACT = Chosen(METHODS["exact"], {})
+
+
 def chosen(name, options, others, function, arguments) -> Chosen:
     """The method `name` with those of `options` that are its own.
 

@@ -58,9 +58,8 @@ class Job:
 
     def _beside_lists(self, output, upload):
         """The lists of the scene as it is, beside an image that opaque surfaces hide in."""
-        exact = _methods.chosen("exact", {}, (), "render", ())
-        request = self.request | {"method": exact.parts(), "msaa_resolve": "per_pixel"}
-        whole = replace(self, request=request, how=exact)._output(upload)
+        request = self.request | {"method": _methods.EXACT.parts(), "msaa_resolve": "per_pixel"}
+        whole = replace(self, request=request, how=_methods.EXACT)._output(upload)
         counted = {name: whole["stats"][name] for name in ("fragments", "max_depth_complexity")}
         return whole | {"image": output["image"], "stats": output["stats"] | counted}
 

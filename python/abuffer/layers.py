@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 from . import _core
+from ._methods import EXACT
 from .blend import nearest_or_last, resolve
 from .fragments import FIELDS, Fragments
 
@@ -19,8 +20,8 @@ def render_by_layers(meshes, camera, request, background, dtype, own, how) -> di
     """
     asked, limit = request["lists"], request["max_sorted_fragments"]
     lists = "all" if asked == "all" else "translucent"
-    exact = {"method": "exact", "parameters": {}, "own": None}
-    whole = request | {"lists": lists, "msaa_resolve": "per_pixel", "max_sorted_fragments": None, "method": exact}
+    exact = {"method": EXACT.parts(), "max_sorted_fragments": None}
+    whole = request | {"lists": lists, "msaa_resolve": "per_pixel"} | exact
     output = _core.render_cpu(meshes, camera, whole, background, dtype == np.float64)
     stats, clock = output["stats"], time.perf_counter()
 
