@@ -11,7 +11,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::common::layer::{Coverage, Layer};
+use super::common::layer::{Coverage, Layer, add_weighted};
 use super::common::nearest::MOST;
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
@@ -105,8 +105,7 @@ impl<T: Real> Streamed<T> for Adaptive {
         let visibility = state.visibility(place);
         if pass == 1 {
             let weight = visibility * a;
-            let [x, y, z, w] = state.sum;
-            state.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+            state.sum = add_weighted(state.sum, weight, [r, g, b]);
             return;
         }
         state.coverage.add(a);

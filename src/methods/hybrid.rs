@@ -6,7 +6,7 @@
 //! published form never covers more, and as much where alphas are equal.
 
 use super::common::absorbance::coverage_of_equal;
-use super::common::layer::Coverage;
+use super::common::layer::{Coverage, add_weighted};
 use super::common::nearest::Nearest;
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
@@ -63,8 +63,7 @@ impl<T: Real> Streamed<T> for Hybrid {
     fn insert(&self, state: &mut State<T>, fragment: &Fragment<T>, _: u32) {
         if let Some(Fragment { color: [r, g, b, a], .. }) = state.core.insert(*fragment, self.k) {
             state.tail_count += 1;
-            let [x, y, z, w] = state.sum;
-            state.sum = [x + a * r, y + a * g, z + a * b, w + a];
+            state.sum = add_weighted(state.sum, a, [r, g, b]);
             state.coverage.add(a);
         }
     }

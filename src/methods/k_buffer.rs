@@ -6,7 +6,7 @@
 //! and the coverage 1 − (1 − ᾱ)ᵐ of m equal layers (Maule, Comba, Torchelsen and Bastos 2013).
 
 use super::common::absorbance::coverage_of_equal;
-use super::common::layer::Layer;
+use super::common::layer::{Layer, add_weighted};
 use super::common::nearest::Nearest;
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
@@ -83,8 +83,7 @@ impl<T: Real> Streamed<T> for KBuffer {
         }
         if let Some(Fragment { color: [r, g, b, a], .. }) = state.nearest.insert(*fragment, self.k) {
             state.tail_count += 1;
-            let [x, y, z, w] = state.sum;
-            state.sum = [x + a * r, y + a * g, z + a * b, w + a];
+            state.sum = add_weighted(state.sum, a, [r, g, b]);
         }
     }
 

@@ -13,7 +13,7 @@
 
 use super::common::absorbance::{absorbance, opacity, transmittance};
 use super::common::depth::depth_in_range;
-use super::common::layer::{Coverage, Layer};
+use super::common::layer::{Coverage, Layer, add_weighted};
 use super::common::power_moments::{self, LEAST_PIVOT, PowerMoments};
 use super::common::roots;
 use super::common::trigonometric_moments::{self, TrigonometricMoments};
@@ -180,8 +180,7 @@ impl<T: Real> Streamed<T> for Mboit {
             state.least = before;
         }
         let weight = a * (state.least - before).exp();
-        let [x, y, z, w] = state.sum;
-        state.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+        state.sum = add_weighted(state.sum, weight, [r, g, b]);
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {

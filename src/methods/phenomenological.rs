@@ -10,7 +10,7 @@
 //! where the quotients are 0/0, gives then their limit S = Σ α. The published shader divides by no less than 1e-5, so
 //! that colours vanish there. Alpha is 1 − M: with t > 0 colours may exceed it.
 
-use super::common::layer::Layer;
+use super::common::layer::{Layer, add_weighted};
 use super::common::window::window_depth;
 use super::{DepthRange, Described, Fragment, Parameters, Place, Streamed, Values};
 use crate::real::Real;
@@ -70,8 +70,7 @@ impl<T: Real> Streamed<T> for Phenomenological {
         let [r, g, b, a] = fragment.color;
         let held_back = a * (T::ONE - T::from_f64(self.transmission));
         let weight = a * self.weight(fragment.depth, held_back);
-        let [x, y, z, w] = state.sum;
-        state.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+        state.sum = add_weighted(state.sum, weight, [r, g, b]);
         state.amount = state.transmittance.times_plus(a, state.amount);
         state.transmittance = state.transmittance * (T::ONE - held_back);
     }

@@ -15,7 +15,7 @@
 
 use arrayvec::ArrayVec;
 
-use super::common::layer::{Coverage, Layer};
+use super::common::layer::{Coverage, Layer, add_weighted};
 use super::{Described, Fragment, Parameters, Place, Streamed, Values};
 use crate::real::{Bounded, Real};
 
@@ -126,8 +126,7 @@ impl<T: Real> Streamed<T> for Stochastic {
         if pass == 1 {
             let visible = state.draws.iter().filter(|draw| draw.order >= fragment.order).count();
             let weight = T::from_i32(visible as i32) * a;
-            let [x, y, z, w] = state.sum;
-            state.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+            state.sum = add_weighted(state.sum, weight, [r, g, b]);
             return;
         }
         state.coverage.add(a);

@@ -5,7 +5,7 @@
 //! equation 5). Exact for one layer and for equal colours. Unweighted, |ΔC| ≤ R Σ_{i<j} αᵢ αⱼ for colours in a range R;
 //! a weight that depends on depth makes the error first order in alpha.
 
-use super::common::layer::Coverage;
+use super::common::layer::{Coverage, add_weighted};
 use super::common::window::window_depth;
 use super::{DepthRange, Described, Fragment, Parameters, Place, Streamed, Values};
 use crate::real::Real;
@@ -99,8 +99,7 @@ impl<T: Real> Streamed<T> for Wboit {
     fn insert(&self, state: &mut State<T>, fragment: &Fragment<T>, _: u32) {
         let [r, g, b, a] = fragment.color;
         let weight = a * self.weight(fragment.depth, a);
-        let [x, y, z, w] = state.sum;
-        state.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+        state.sum = add_weighted(state.sum, weight, [r, g, b]);
         state.coverage.add(a);
     }
 

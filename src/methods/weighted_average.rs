@@ -4,6 +4,7 @@
 //! Exact where all alphas and all colours are equal. A fragment of alpha 0 changes n, and with it the image.
 
 use super::common::absorbance::coverage_of_equal;
+use super::common::layer::add_weighted;
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
 
@@ -41,8 +42,7 @@ impl<T: Real> Streamed<T> for WeightedAverage {
 
     fn insert(&self, state: &mut State<T>, fragment: &Fragment<T>, _: u32) {
         let [r, g, b, a] = fragment.color;
-        let [x, y, z, w] = state.sum;
-        state.sum = [x + a * r, y + a * g, z + a * b, w + a];
+        state.sum = add_weighted(state.sum, a, [r, g, b]);
         state.count += 1;
     }
 

@@ -4,7 +4,7 @@
 //! Nothing is clamped. Where Σ α exceeds 1 the background counts negatively, colours leave their range, and alpha,
 //! Σ α + (1 − Σ α) B_α, exceeds 1 over all that is not opaque.
 
-use super::common::layer::Layer;
+use super::common::layer::{Layer, add_weighted};
 use super::{Described, Fragment, Parameters, Place, Streamed};
 use crate::real::Real;
 
@@ -33,8 +33,7 @@ impl<T: Real> Streamed<T> for WeightedSum {
 
     fn insert(&self, sum: &mut [T; 4], fragment: &Fragment<T>, _: u32) {
         let [r, g, b, a] = fragment.color;
-        let [x, y, z, w] = *sum;
-        *sum = [x + a * r, y + a * g, z + a * b, w + a];
+        *sum = add_weighted(*sum, a, [r, g, b]);
     }
 
     fn end(&self, sum: &[T; 4], behind: [T; 4]) -> [T; 4] {

@@ -41,6 +41,12 @@ impl<T: Real> Layer<T> {
     }
 }
 
+/// A sum of weighted colours, and last of their weights, with one more.
+#[inline]
+pub fn add_weighted<T: Real>([x, y, z, w]: [T; 4], weight: T, [r, g, b]: [T; 3]) -> [T; 4] {
+    [x + weight * r, y + weight * g, z + weight * b, w + weight]
+}
+
 /// Alpha 1 − Π (1 − αᵢ) and transmittance of fragments in whatever order they come.
 #[derive(Debug, Clone, Copy)]
 pub struct Coverage<T> {

@@ -3,7 +3,7 @@
 //! Klein and Peters 2018, whose pass 2 and resolve these are).
 
 use super::absorbance::{absorbance, opacity, transmittance};
-use super::layer::{Coverage, Layer};
+use super::layer::{Coverage, Layer, add_weighted};
 use crate::real::Real;
 
 /// −ln 10⁻⁵: that of an opaque layer would drown those of all others.
@@ -37,8 +37,7 @@ impl<T: Real> Shade<T> {
             self.least = in_front;
         }
         let weight = a * (self.least - in_front).exp();
-        let [x, y, z, w] = self.sum;
-        self.sum = [x + weight * r, y + weight * g, z + weight * b, w + weight];
+        self.sum = add_weighted(self.sum, weight, [r, g, b]);
     }
 
     /// All of them as one layer of this absorbance.
