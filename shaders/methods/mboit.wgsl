@@ -3,14 +3,11 @@
 struct State {
     moments: Moments,
     factors: Factors,
-    // Σ α T c, and last Σ α T, over the greatest T.
-    sum: vec4f,
-    // −ln of that.
-    least: f32,
+    shade: Shade,
 }
 
 fn begin(place: Place) -> State {
-    return State(moments_none(), factors_none(), vec4f(0.0), NOT_MET);
+    return State(moments_none(), factors_none(), shade_none());
 }
 
 fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
@@ -32,17 +29,11 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
         return;
     }
     let before = share_before((*s).factors, depth, method.beta) * (*s).moments.total;
-    if before < (*s).least {
-        (*s).sum *= exp(before - (*s).least);
-        (*s).least = before;
-    }
-    let weight = color.a * exp((*s).least - before);
-    (*s).sum += vec4f(weight * color.rgb, weight);
+    (*s).shade = shade_add((*s).shade, color, before);
 }
 
 fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    let total = (*s).moments.total;
-    return layer_over(coverage_of_mean(Coverage(opacity(total), transmittance_of(total)), (*s).sum), behind);
+    return layer_over(shade_layer((*s).shade, (*s).moments.total), behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

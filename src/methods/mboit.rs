@@ -11,19 +11,17 @@
 //! next to 1, and no pixel is left out: normalised moments are as good for thin ones. It weighs with T itself, which is 0
 //! for all fragments of a pixel that is dense enough; here the greatest T of those met so far is divided out.
 
-use super::common::absorbance::{absorbance, opacity, transmittance};
+use super::common::absorbance::absorbance;
 use super::common::depth::depth_in_range;
-use super::common::layer::{Coverage, Layer, add_weighted};
 use super::common::power_moments::{self, LEAST_PIVOT, PowerMoments};
 use super::common::roots;
+use super::common::shade::Shade;
 use super::common::trigonometric_moments::{self, TrigonometricMoments};
 use super::{DepthRange, Described, Fragment, Parameters, Place, Streamed, Values};
 use crate::real::Real;
 
 /// −ln 2⁻²⁴.
 const MOST_ABSORBANCE: f64 = 16.635_532_333_438_686;
-/// More than there is in front of any fragment: 2¹⁰⁰.
-const NOT_MET: f64 = 1.267_650_600_228_229_4e30;
 
 #[derive(Debug, Clone)]
 pub struct Mboit {
@@ -41,10 +39,7 @@ enum Moments<T> {
 
 pub struct State<T> {
     moments: Moments<T>,
-    /// Σ α T c, and last Σ α T, over the greatest T.
-    sum: [T; 4],
-    /// −ln of that.
-    least: T,
+    shade: Shade<T>,
 }
 
 impl<T: Real> Moments<T> {
@@ -99,7 +94,6 @@ impl Described for Mboit {
             ("FAR_ROOT", format!("{:?}", roots::FAR)),
             ("ROOT_STEPS", format!("{}u", roots::STEPS)),
             ("MOST_ABSORBANCE", format!("{MOST_ABSORBANCE:?}")),
-            ("NOT_MET", format!("{NOT_MET:?}")),
         ];
         if self.trigonometric {
             constants.push(("BIAS", format!("{:?}", trigonometric_moments::bias(self.half))));
@@ -121,6 +115,7 @@ impl Described for Mboit {
                 "methods/common/layer",
                 "methods/common/absorbance",
                 "methods/common/depth",
+                "methods/common/shade",
                 "methods/common/roots",
                 "methods/common/trigonometric_moments",
             ]
@@ -129,6 +124,7 @@ impl Described for Mboit {
                 "methods/common/layer",
                 "methods/common/absorbance",
                 "methods/common/depth",
+                "methods/common/shade",
                 "methods/common/roots",
                 "methods/common/power_moments",
             ]
@@ -151,7 +147,7 @@ impl<T: Real> Streamed<T> for Mboit {
         } else {
             Moments::Power(PowerMoments::none(self.half))
         };
-        State { moments, sum: [T::ZERO; 4], least: T::from_f64(NOT_MET) }
+        State { moments, shade: Shade::none() }
     }
 
     fn turn(&self, state: &mut State<T>, pass: u32) -> bool {
@@ -163,7 +159,7 @@ impl<T: Real> Streamed<T> for Mboit {
     }
 
     fn insert(&self, state: &mut State<T>, fragment: &Fragment<T>, pass: u32) {
-        let [r, g, b, a] = fragment.color;
+        let a = fragment.color[3];
         if a <= T::ZERO {
             return;
         }
@@ -174,20 +170,11 @@ impl<T: Real> Streamed<T> for Mboit {
         }
         let share = state.moments.share_before(depth, T::from_f64(self.beta));
         let before = share * state.moments.total();
-        if before < state.least {
-            let rest = (before - state.least).exp();
-            state.sum = state.sum.map(|sum| sum * rest);
-            state.least = before;
-        }
-        let weight = a * (state.least - before).exp();
-        state.sum = add_weighted(state.sum, weight, [r, g, b]);
+        state.shade.add(fragment.color, before);
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
-        let total = state.moments.total();
-        let coverage = Coverage { alpha: opacity(total), transmittance: transmittance(total) };
-        let layer: Layer<T> = coverage.of_mean(state.sum);
-        layer.over(behind)
+        state.shade.layer(state.moments.total()).over(behind)
     }
 }
 

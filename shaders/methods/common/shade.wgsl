@@ -2,10 +2,10 @@
 // (Münstermann et al. 2018; src/methods/common/shade.rs).
 
 // −ln 10⁻⁵: that of an opaque layer would drown those of all others.
-const MOST_ABSORBANCE = 11.512925464970229;
+const MOST_BOUNDED = 11.512925464970229;
 
 fn bounded_absorbance(alpha: f32) -> f32 {
-    return min(absorbance(alpha), MOST_ABSORBANCE);
+    return min(absorbance(alpha), MOST_BOUNDED);
 }
 
 // Colours weighted by what is in front of them.
