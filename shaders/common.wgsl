@@ -62,6 +62,15 @@ fn value_of_key(key: u32) -> f32 {
     return bitcast<f32>(select(~bits, bits & 0x7fffffffu, (bits & 0x80000000u) != 0u));
 }
 
+// Of what the sort key is made from. The hardware clips neither the far plane of a perspective nor an orthographic view's
+// two.
+fn beyond_depth_range(value: f32) -> bool {
+    if view.perspective == 1u {
+        return value < view.far;
+    }
+    return value < view.near || value > view.far;
+}
+
 // Whether fragment a = (key, order) is in front of b.
 fn in_front(a: vec2u, b: vec2u) -> bool {
     return a.x < b.x || (a.x == b.x && a.y < b.y);

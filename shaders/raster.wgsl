@@ -183,14 +183,6 @@ fn shade(v: Varyings, at: vec2f) -> Shaded {
     return Shaded(value, clamp(color, v.color_low, v.color_high));
 }
 
-// The hardware clips neither the far plane of a perspective nor an orthographic view's two.
-fn beyond_depth_range(value: f32) -> bool {
-    if view.perspective == 1u {
-        return value < view.far;
-    }
-    return value < view.near || value > view.far;
-}
-
 fn is_cut_out(v: Varyings, color: vec4f) -> bool {
     return color.a < bitcast<f32>(v.ids.z);
 }

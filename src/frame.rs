@@ -96,7 +96,7 @@ pub struct ListOptions {
     pub blends: Arc<[(String, String)]>,
 }
 
-/// What turns triangles into fragments on a GPU.
+/// What turns triangles into fragments on a GPU. Of a method other than exact: `Hardware` is its native form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Rasteriser {
     Hardware,
@@ -191,6 +191,14 @@ pub struct Output<T: Real> {
 impl Request {
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
+    }
+
+    /// The same in tiles.
+    pub fn in_tiles(&self) -> Self {
+        let mut request = self.clone();
+        request.lists_on_gpu.rasteriser = Rasteriser::Tiles;
+        request.lists_on_gpu.storage = Storage::Contiguous;
+        request
     }
 
     /// Colours a pixel of the image.

@@ -139,8 +139,8 @@ def test_what_tiles_hold_in_parts_is_the_same_image(needs_gpu):
     np.testing.assert_array_equal(whole.image, banded.image)
 
 
-def test_other_pipelines_have_exact_alone(needs_gpu):
-    with pytest.raises(ParameterError, match="pipeline 'linked_list' has method \"exact\" alone"):
+def test_pipelines_of_lists_have_exact_alone(needs_gpu):
+    with pytest.raises(ParameterError, match="pipeline 'linked_list' does not have method 'wboit'"):
         ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu", pipeline="linked_list")
     assert ab.render(scene(), CAMERA, **SIZE, method="wboit", device="gpu").plan["pipeline"] == "tiles"
 

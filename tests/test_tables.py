@@ -101,7 +101,7 @@ def test_a_table_without_rows_prints_as_none():
 
 def test_there_is_a_pipeline_for_each_kind_of_device():
     runs_on = {key: row["runs on"] for key, row in ab.pipelines().items()}
-    assert runs_on == {"tiles": "cpu, gpu", "linked_list": "gpu", "prefix_sum": "gpu"}
+    assert runs_on == {"tiles": "cpu, gpu", "linked_list": "gpu", "prefix_sum": "gpu", "hardware": "gpu"}
 
 
 def test_every_method_renders():
@@ -120,7 +120,7 @@ def test_devices_tell_kind_driver_and_what_runs_on_them(machine):
     devices = ab.devices()
     assert list(devices) == ["cpu", "Voodoo 2 SLI", "Voodoo 1", "softpipe (2 cores)"]
     wanted = {"kind": "discrete", "backend": "vulkan", "driver": "of a test"}
-    wanted |= {"pipelines": "tiles, linked_list, prefix_sum"}
+    wanted |= {"pipelines": "tiles, linked_list, prefix_sum, hardware"}
     assert devices["Voodoo 2 SLI"] == wanted
     assert devices["Voodoo 1"]["pipelines"] == "none: lacks storage buffers that fragment shaders can write"
     assert devices["softpipe (2 cores)"]["kind"] == "software"

@@ -33,7 +33,10 @@ HEAD = """# Methods
 How the fragments of a pixel become a colour. `ab.render(scene, method="wboit", weight="8")` renders with one, and
 `frame.fragments.composite("wboit", weight="8")` composites captured lists with it; `print(ab.methods())` prints this table.
 All run in tiles, on the CPU in both precisions and on GPUs, and see fragments in the order of submission; what their published
-forms do in hardware or with ordered access to pixels is replayed here, so that images are theirs and times are not.
+forms do in hardware or with ordered access to pixels is replayed there, so that images are theirs and times are not. Those that
+have `hardware` among their pipelines also run on a GPU's rasteriser as published, with `pipeline="hardware"`: blended into
+targets of 32-bit floats, peeled by depth tests, or drawn into samples. Their times are theirs there; images are those of tiles but
+for what the hardware rounds: edges, depths between corners that are snapped to 1/256 pixel, and sums in the order of blending.
 
 Passes and bytes are those of the defaults: over the geometry, and kept for a pixel by the published form. A method that
 normalises depths takes `depth_range=(nearest, farthest)`, by default that of the translucent vertices; over captured lists that

@@ -65,6 +65,7 @@ class Method:
         exact_when: where its image is that of `exact`.
         flags: names of FLAGS.
         takes_range: depths are normalised by a `depth_range`.
+        is_native: it also runs as `pipeline="hardware"`, in the form that it was published in.
         sorts: "objects" or "triangles", which are painted in the order of a depth (painter.py).
         wgsl, numpy, loops: of a method that was registered (own_methods.py).
     """
@@ -80,6 +81,7 @@ class Method:
     parameters: tuple = ()
     deterministic: str = "yes"
     takes_range: bool = False
+    is_native: bool = False
     sorts: str | None = None
     wgsl: str | None = None
     numpy: Callable | None = None
@@ -94,6 +96,13 @@ class Method:
         """Names of all that may be given."""
         return (*(p.name for p in self.parameters), *(("depth_range",) if self.takes_range else ()))
 
+    @property
+    def pipelines(self) -> tuple:
+        """Those that have it, on one device or another."""
+        if self.id == "exact":
+            return "tiles", "linked_list", "prefix_sum"
+        return ("tiles", "hardware") if self.is_native else ("tiles",)
+
     def row(self) -> dict:
         defaults = self.checked({})
         return {
@@ -103,6 +112,7 @@ class Method:
             "bytes per pixel": str(self.bytes_per_pixel(**defaults)),
             "parameters": "; ".join(map(str, self.parameters)) or "none",
             "exact": self.exact_when,
+            "pipelines": ", ".join(self.pipelines),
             "deterministic": self.deterministic,
             "source": self.source,
         }
@@ -123,6 +133,7 @@ def _painted(id, what, source):
             Parameter("key", "centroid", f"the depth that {what} go by: their middle's, or a vertex's", painter.KEYS),
         ),
         sorts=what,
+        is_native=True,
     )
 
 
@@ -158,6 +169,7 @@ ALL = (
         bytes_per_pixel=lambda: 16,
         exact_when="no fragment",
         flags=_flags("noop_alpha0", "order_free"),
+        is_native=True,
     ),
     Method(
         id="depth_peeling",
@@ -171,6 +183,7 @@ ALL = (
         parameters=(
             Parameter("layers", 0, "nearest layers that are peeled, the others being dropped; 0: all", high=1024),
         ),
+        is_native=True,
     ),
     Method(
         id="dual_depth_peeling",
@@ -181,6 +194,7 @@ ALL = (
         bytes_per_pixel=lambda: 48,
         exact_when="always",
         flags=_flags(*set(FLAGS) - {"modes"}),
+        is_native=True,
     ),
     Method(
         id="k_buffer",
@@ -227,6 +241,7 @@ ALL = (
         bytes_per_pixel=lambda: 0,
         exact_when="fragments come back to front",
         flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull"),
+        is_native=True,
     ),
     Method(
         id="mlab",
@@ -303,6 +318,7 @@ ALL = (
         bytes_per_pixel=lambda: 20,
         exact_when="all alphas and all colours of a pixel are equal",
         flags=_flags("single", "order_free", "hull"),
+        is_native=True,
     ),
     Method(
         id="weighted_sum",
@@ -332,6 +348,7 @@ ALL = (
             ),
         ),
         takes_range=True,
+        is_native=True,
     ),
     Method(
         id="wavelet",
@@ -380,6 +397,7 @@ ALL = (
             ),
         ),
         deterministic="yes, by seed",
+        is_native=True,
     ),
     Method(
         id="mboit",
@@ -402,6 +420,7 @@ ALL = (
             ),
         ),
         takes_range=True,
+        is_native=True,
     ),
 )
 METHODS = {method.id: method for method in ALL}  # and those that are registered
@@ -427,6 +446,19 @@ class Chosen:
             raise ParameterError(
                 f'method {self.method.id!r} is for blend="over" alone, and there is {modes[0]!r}: '
                 f"those that take modes are {', '.join(able)}"
+            )
+
+    def require(self, pipeline, samples, modes):
+        """Raises a ParameterError if a pipeline does not have the method, or not for so many samples or these modes."""
+        method = self.method
+        if pipeline not in method.pipelines:
+            have = " or ".join(f'pipeline="{name}"' for name in method.pipelines)
+            raise ParameterError(f"pipeline {pipeline!r} does not have method {method.id!r}: give {have}")
+        if pipeline == "hardware" and samples != 1:
+            raise ParameterError(f'pipeline "hardware" has 1 sample a pixel, got {samples}: give pipeline="tiles"')
+        if pipeline == "hardware" and len(modes):
+            raise ParameterError(
+                f'pipeline "hardware" is for blend="over" alone, and there is {modes[0]!r}: give pipeline="tiles"'
             )
 
     def parts(self, nearest=None, farthest=None) -> dict:

@@ -178,7 +178,8 @@ def prepared(
     background = _check.background(background, (height, width))
     plan = []
     meshes = [mesh for mesh in scene.meshes if mesh.face_count]  # primitives number the same without the others
-    how.refuse_modes([mesh.blend for mesh in meshes if mesh.blend != "over" and not mesh.opaque])
+    modes = [mesh.blend for mesh in meshes if mesh.blend != "over" and not mesh.opaque]
+    how.refuse_modes(modes)
     own = own_blends(mesh.blend for mesh in meshes)
     wants = tables.Wants(
         samples=samples,
@@ -193,9 +194,10 @@ def prepared(
     needed = ("numpy", "the CPU") if adapter is None else ("wgsl", "a GPU")
     require(own, *needed)
     own_methods.require(how, *needed)
-    if method != "exact" and pipeline != "tiles":
-        raise ParameterError(f'pipeline {pipeline!r} has method "exact" alone: give pipeline="tiles" for {method!r}')
-    if method != "exact":
+    how.require(pipeline, samples, modes)
+    if pipeline == "hardware":
+        plan.append(("cost", "native", "times are those of the method's published form on the hardware's rasteriser"))
+    elif method != "exact":
         plan.append(("cost", "replayed", "times are those of a walk over tiles, not of the method's published form"))
     nearest, farthest = how.depth_range or _depth_range(meshes, camera, how)
     if how.method.takes_range:

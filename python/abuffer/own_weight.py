@@ -111,7 +111,9 @@ def weighted(wboit, expression):
         back = np.concatenate([behind[:, :3] * behind[:, 3:], behind[:, 3:]], axis=1)
         return np.concatenate([mean * coverage, coverage], axis=1) + before[:, -1:] * back
 
-    return replace(wboit, wgsl=wgsl, numpy=composite, parameters=(), passes=lambda: 1, takes_range=False)
+    return replace(
+        wboit, wgsl=wgsl, numpy=composite, parameters=(), passes=lambda: 1, takes_range=False, is_native=False
+    )
 
 
 def _function(expression):

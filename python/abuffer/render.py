@@ -29,7 +29,7 @@ def render(
         scene: Scene, or anything that `Scene.add` takes.
         camera: Camera. None: `Camera.fit(scene)`.
         width, height: pixels. None: the camera's own size, else the background image's, else 640×480.
-        method: one of `methods()`, with which pipeline "tiles" alone can do more than "exact".
+        method: one of `methods()`, which says the pipelines that have each.
         pipeline: "auto" or one of `pipelines()`.
         device: "auto", "cpu", "gpu" or a part of a device's name. "auto" is a real GPU if there is one, else
             the CPU; the environment variable ABUFFER_DEVICE sets what it means. "gpu" is the best adapter: a

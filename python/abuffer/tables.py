@@ -36,6 +36,10 @@ PIPELINES = Table(
             "runs on": "gpu",
             "how": "hardware rasteriser, count, scan, scatter: each pixel's fragments side by side",
         },
+        "hardware": {
+            "runs on": "gpu",
+            "how": "hardware rasteriser, a method as published: blended into targets, or peeled",
+        },
     }
 )
 ON_GPU = tuple(key for key, row in PIPELINES.items() if row["runs on"] == "gpu")  # and nowhere else
@@ -81,7 +85,7 @@ def pipelines() -> Table:
     """The pipelines, by id: how triangles become fragments.
 
     >>> list(pipelines())
-    ['tiles', 'linked_list', 'prefix_sum']
+    ['tiles', 'linked_list', 'prefix_sum', 'hardware']
     """
     return Table(PIPELINES)
 

@@ -1,7 +1,6 @@
 // Stochastic transparency (Enderton et al. 2010), with stratified coverage (src/methods/stochastic.rs).
 
 const ESTIMATOR_MEAN = 0u;
-const ESTIMATOR_CORRECTED_ALPHA = 1u;
 const ESTIMATOR_VISIBILITY = 2u;
 
 // Of a draw that nothing covers: behind all.
@@ -78,21 +77,25 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
     draw((*s).hash, fragment);
 }
 
-fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    if ESTIMATOR == ESTIMATOR_VISIBILITY {
-        return layer_over(coverage_of_mean((*s).coverage, (*s).sum), behind);
+// From the sum of the colours of draws that are covered, and their number; of estimator c from that of weighted colours.
+fn estimated(coverage: Coverage, sum: vec4f, behind: vec4f) -> vec4f {
+    if ESTIMATOR == ESTIMATOR_MEAN {
+        let all = f32(DRAWS);
+        return layer_over(Layer(sum / all, (all - sum.a) / all), behind);
     }
-    var sum = vec4f(0.0);
-    for (var i = 0u; i < DRAWS; i++) {
-        if in_front(draw_orders[i], UNCOVERED) {
-            sum += vec4f(draw_colors[i], 1.0);
+    return layer_over(coverage_of_mean(coverage, sum), behind);
+}
+
+fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
+    var sum = (*s).sum;
+    if ESTIMATOR != ESTIMATOR_VISIBILITY {
+        for (var i = 0u; i < DRAWS; i++) {
+            if in_front(draw_orders[i], UNCOVERED) {
+                sum += vec4f(draw_colors[i], 1.0);
+            }
         }
     }
-    if ESTIMATOR == ESTIMATOR_CORRECTED_ALPHA {
-        return layer_over(coverage_of_mean((*s).coverage, sum), behind);
-    }
-    let all = f32(DRAWS);
-    return layer_over(Layer(sum / all, (all - sum.a) / all), behind);
+    return estimated((*s).coverage, sum, behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

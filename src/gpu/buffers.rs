@@ -45,7 +45,7 @@ fn buffer(gpu: &Gpu, label: &str, bytes: u64, usage: BufferUsages) -> wgpu::Buff
 }
 
 /// One entry of a bind group layout.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub enum Slot {
     Uniform,
     Read,
@@ -55,10 +55,33 @@ pub enum Slot {
     Depth,
     Colors,
     Depths,
+    /// A texture of unsigned integers.
+    Words,
+}
+
+impl Slot {
+    /// What a shader that reads this has for it; of buffers a uniform.
+    pub fn of(bound: &Bound) -> Self {
+        let Bound::Texture(view) = bound else { return Self::Uniform };
+        let (format, samples) = (view.texture().format(), view.texture().sample_count());
+        match (format.sample_type(None, None), samples) {
+            (Some(wgpu::TextureSampleType::Uint), _) => Self::Words,
+            (Some(wgpu::TextureSampleType::Depth), 1) => Self::Depth,
+            (Some(wgpu::TextureSampleType::Depth), _) => Self::Depths,
+            (_, 1) => Self::Color,
+            _ => Self::Colors,
+        }
+    }
 }
 
 /// A layout with the slots at bindings 0, 1, 2, …
 pub fn layout(gpu: &Gpu, label: &str, stages: ShaderStages, slots: &[Slot]) -> wgpu::BindGroupLayout {
+    let slots: Vec<_> = slots.iter().map(|&slot| (slot, stages)).collect();
+    layout_of(gpu, label, &slots)
+}
+
+/// The same, with the stages that see each slot.
+pub fn layout_of(gpu: &Gpu, label: &str, slots: &[(Slot, ShaderStages)]) -> wgpu::BindGroupLayout {
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let texture = |sample_type, multisampled| BindingType::Texture {
         sample_type,
@@ -68,9 +91,9 @@ pub fn layout(gpu: &Gpu, label: &str, stages: ShaderStages, slots: &[Slot]) -> w
     let color = wgpu::TextureSampleType::Float { filterable: false };
     let entries: Vec<_> = (0..)
         .zip(slots)
-        .map(|(binding, slot)| BindGroupLayoutEntry {
+        .map(|(binding, &(slot, visibility))| BindGroupLayoutEntry {
             binding,
-            visibility: stages,
+            visibility,
             ty: match slot {
                 Slot::Uniform => buffer(BufferBindingType::Uniform),
                 Slot::Read => buffer(BufferBindingType::Storage { read_only: true }),
@@ -79,6 +102,7 @@ pub fn layout(gpu: &Gpu, label: &str, stages: ShaderStages, slots: &[Slot]) -> w
                 Slot::Depth => texture(wgpu::TextureSampleType::Depth, false),
                 Slot::Colors => texture(color, true),
                 Slot::Depths => texture(wgpu::TextureSampleType::Depth, true),
+                Slot::Words => texture(wgpu::TextureSampleType::Uint, false),
             },
             count: None,
         })

@@ -55,11 +55,12 @@ const BACKENDS: wgpu::Backends =
 const MOST_VARIANTS: usize = 256;
 /// Storage buffers that the stages for long lists bind.
 const STORAGE_BUFFERS: u32 = 12;
-/// What the list pipelines use where it exists.
+/// What pipelines use where it exists.
 const WANTED: wgpu::Features = wgpu::Features::SHADER_EARLY_DEPTH_TEST
     .union(wgpu::Features::TIMESTAMP_QUERY)
     .union(wgpu::Features::SUBGROUP)
     .union(wgpu::Features::DEPTH32FLOAT_STENCIL8)
+    .union(wgpu::Features::FLOAT32_BLENDABLE)
     .union(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
 
 /// Features that `ABUFFER_WITHOUT` withholds (names of wgpu's, with commas), to test here what a lesser

@@ -1,4 +1,4 @@
-//! The pipelines `tiles`, `linked_list` and `prefix_sum` on Vulkan, Metal or DX12. Only this folder names wgpu.
+//! The pipelines `tiles`, `linked_list`, `prefix_sum` and `hardware` on Vulkan, Metal or DX12. Only this folder names wgpu.
 
 mod background;
 mod buffers;
@@ -7,6 +7,7 @@ pub mod device;
 mod extent;
 mod fill;
 mod geometry;
+mod hardware;
 mod kept;
 mod linked_list;
 mod lists;
@@ -32,7 +33,7 @@ mod view;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::Background;
-use crate::frame::{Lists, Output, Request};
+use crate::frame::{Lists, Output, Rasteriser, Request};
 use crate::methods::Method;
 use crate::scene::Scene;
 
@@ -64,12 +65,15 @@ fn streamed(
     request: &Request,
     background: Background<f32>,
 ) -> Result<Output<f32>> {
-    let mut output = tiles::stream(kept, scene, camera, request, &background)?;
+    let mut output = match request.lists_on_gpu.rasteriser {
+        Rasteriser::Tiles => tiles::stream(kept, scene, camera, request, &background)?,
+        Rasteriser::Hardware => hardware::render(kept, scene, camera, request, &background)?,
+    };
     match request.lists {
         Lists::None => output.counts = None,
         Lists::Count => {}
         Lists::Translucent | Lists::All => {
-            let exact = Request { method: Method::Exact, ..request.clone() };
+            let exact = Request { method: Method::Exact, ..request.in_tiles() };
             let lists = render(kept, scene, camera, &exact, background)?;
             lists
                 .stats
@@ -77,6 +81,7 @@ fn streamed(
                 .into_iter()
                 .for_each(|(stage, ms)| output.stats.add(format!("lists: {stage}"), ms));
             (output.background, output.fragments) = (lists.background, lists.fragments);
+            output.counts = lists.counts;
         }
     }
     Ok(output)

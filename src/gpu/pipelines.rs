@@ -8,6 +8,7 @@ use wgpu::{ShaderStages, TextureFormat};
 use super::buffers::{Slot, layout};
 use super::compile::{Once, compile, compute, compute_uncleared, once, pipeline_layout};
 use super::device::Gpu;
+use super::hardware;
 use super::tiles::Stages;
 use super::variant::{BuildStage, Variant};
 use crate::error::Result;
@@ -34,6 +35,7 @@ pub struct Pipelines {
     long: Once<Long>,
     scan: Once<Scan>,
     pub tiles: Stages,
+    pub hardware: hardware::Stages,
 }
 
 /// Bind group layouts, by what is bound.
@@ -131,6 +133,7 @@ impl Pipelines {
             long: OnceLock::new(),
             scan: OnceLock::new(),
             tiles: Stages::new(gpu),
+            hardware: hardware::Stages::new(gpu),
             variant,
         }
     }

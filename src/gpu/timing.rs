@@ -14,17 +14,23 @@ pub struct Timing {
     queries: Option<(wgpu::QuerySet, wgpu::Buffer, wgpu::Buffer)>,
     stages: std::cell::RefCell<Vec<Cow<'static, str>>>,
     used: Cell<u32>,
+    most: u32,
     period_ns: f32,
 }
 
 impl Timing {
     pub fn new(gpu: &Gpu) -> Self {
-        let bytes = u64::from(2 * MAX_PASSES) * 8;
+        Self::of(gpu, MAX_PASSES)
+    }
+
+    /// Of more passes than most frames have.
+    pub fn of(gpu: &Gpu, most: u32) -> Self {
+        let bytes = u64::from(2 * most) * 8;
         let queries = gpu.features.contains(wgpu::Features::TIMESTAMP_QUERY).then(|| {
             let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("timestamps"),
                 ty: wgpu::QueryType::Timestamp,
-                count: 2 * MAX_PASSES,
+                count: 2 * most,
             });
             let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("timestamps"),
@@ -35,13 +41,13 @@ impl Timing {
             (set, resolved, readable(gpu, "timestamps", bytes))
         });
         let period_ns = gpu.queue.get_timestamp_period();
-        Self { queries, stages: Default::default(), used: Cell::new(0), period_ns }
+        Self { queries, stages: Default::default(), used: Cell::new(0), most, period_ns }
     }
 
     fn next(&self, stage: impl Into<Cow<'static, str>>) -> Option<(&wgpu::QuerySet, u32)> {
         let (set, ..) = self.queries.as_ref()?;
         let pass = self.used.get();
-        (pass < MAX_PASSES).then(|| {
+        (pass < self.most).then(|| {
             self.used.set(pass + 1);
             self.stages.borrow_mut().push(stage.into());
             (set, 2 * pass)

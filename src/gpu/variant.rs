@@ -193,7 +193,7 @@ pub mod tests {
     use naga::valid::{Capabilities, ValidationFlags, Validator};
 
     use super::*;
-    use crate::gpu::tiles;
+    use crate::gpu::{hardware, tiles};
     use crate::node_format::NodeFormat;
     use crate::shader::Composed;
 
@@ -273,6 +273,11 @@ pub mod tests {
         all
     }
 
+    /// Of tiles, and of what the hardware draws of methods.
+    fn rasterised(v: &Variant) -> impl Iterator<Item = Composed> {
+        tiles::modules(v).into_iter().chain(hardware::modules(v))
+    }
+
     #[test]
     fn every_module_of_every_variant_is_valid() {
         for v in variants() {
@@ -290,7 +295,7 @@ pub mod tests {
                 v.long(),
                 v.scan(),
             ];
-            for (i, module) in modules.into_iter().map(Result::unwrap).chain(tiles::modules(&v)).enumerate() {
+            for (i, module) in modules.into_iter().map(Result::unwrap).chain(rasterised(&v)).enumerate() {
                 validate(&format!("module {i} of {v:?}"), &module);
             }
         }
@@ -313,7 +318,7 @@ pub mod tests {
                 v.gather(),
             ];
             let listed = built.into_iter().chain(read).map(Result::unwrap);
-            used.extend(listed.chain(tiles::modules(&v)).flat_map(|m| m.files()));
+            used.extend(listed.chain(rasterised(&v)).flat_map(|m| m.files()));
         }
         for (name, _) in crate::shader::SOURCES {
             assert!(used.contains(&format!("{name}.wgsl")), "{name} is in no module");

@@ -28,6 +28,11 @@ impl DepthPeeling {
     pub fn of(parameters: &Parameters) -> Self {
         Self { layers: parameters.count("layers") as u32 }
     }
+
+    /// Of a list of `n` fragments.
+    pub fn peeled(&self, n: u32) -> u32 {
+        if self.layers == 0 { n } else { n.min(self.layers) }
+    }
 }
 
 impl Described for DepthPeeling {

@@ -84,6 +84,15 @@ impl Mboit {
             range: parameters.depth_range(),
         }
     }
+
+    pub fn is_trigonometric(&self) -> bool {
+        self.trigonometric
+    }
+
+    /// More numbers a pixel than four, beside the total.
+    pub fn has_high_moments(&self) -> bool {
+        self.half > 2
+    }
 }
 
 impl Described for Mboit {

@@ -66,6 +66,20 @@ impl Stochastic {
         Self { draws: parameters.count("draws") as u32, seed: parameters.number("seed") as u32, estimator }
     }
 
+    pub fn draws(&self) -> u32 {
+        self.draws
+    }
+
+    /// The exact coverage is accumulated beside the draws.
+    pub fn corrects_alpha(&self) -> bool {
+        self.estimator != Estimator::Mean
+    }
+
+    /// Fragments are composited by the share of draws that see them.
+    pub fn weighs_visibility(&self) -> bool {
+        self.estimator == Estimator::Visibility
+    }
+
     /// How many draws a fragment covers: ⌊αS + ξ⌋, from ⌊αS⌋ and the rest, so that no sum rounds and alpha 1 covers
     /// all.
     fn covered(&self, alpha: f32, hashed: u32) -> u32 {

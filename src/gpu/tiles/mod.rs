@@ -20,6 +20,7 @@ pub use bins::{Bins, BinsKey};
 pub use classes::Wanted;
 pub use image::{Image, ImageKey, is_enough};
 pub use opaque::{Opaque, OpaqueKey};
+pub use ready::Ready;
 pub use render::{Begun, begin, render};
 pub use stages::Stages;
 #[cfg(test)]
