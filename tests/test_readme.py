@@ -6,7 +6,6 @@ import importlib.metadata
 import io
 import itertools
 import re
-import runpy
 import shlex
 import subprocess
 import sys
@@ -667,9 +666,3 @@ def test_the_same_call_gives_the_same_bits():
     first = render(scene, width=64, height=64)
     for _ in range(3):
         assert (render(scene, width=64, height=64).image == first.image).all()
-
-
-def test_the_page_of_methods_is_what_the_table_says():
-    """`python docs/methods/make.py` writes it anew."""
-    space = runpy.run_path(str(DOCS / "methods" / "make.py"))
-    assert (DOCS / "methods" / "README.md").read_text(encoding="utf-8") == space["page"]()

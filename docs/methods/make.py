@@ -1,4 +1,5 @@
-"""Writes README.md beside it, from the table of methods: `python docs/methods/make.py`."""
+"""Writes README.md beside it, and what stands in each method's page between two marks, from the table of methods:
+`python docs/methods/make.py`. The rest of a page is written by hand."""
 
 from pathlib import Path
 
@@ -42,6 +43,8 @@ Passes and bytes are those of the defaults: over the geometry, and kept for a pi
 normalises depths takes `depth_range=(nearest, farthest)`, by default that of the translucent vertices; over captured lists that
 of their fragments. The weight of `wboit` may also be an expression of your own, in WGSL, of the eye depth `z` and `alpha`:
 `weight="alpha / (0.1 + z * z)"`. [Adding a method](../adding-a-method.md) says how a whole one is added.
+
+Each method has a page of its own, with its equations, what it costs, and a picture of what it gets wrong.
 """
 INVARIANTS = """
 ## Invariants
@@ -51,7 +54,7 @@ Tests show that each of these holds where it is marked, with the defaults, and f
 """
 
 
-def page():
+def index():
     assert {id for ids in FAMILIES.values() for id in ids} == BUILT_IN
     text = HEAD
     for family, ids in FAMILIES.items():
@@ -60,7 +63,7 @@ def page():
         for id in ids:
             row = METHODS[id].row()
             cells = [
-                f"`{id}`",
+                f"[`{id}`]({id}.md)",
                 *(row[c] for c in ("title", "passes", "bytes per pixel", "parameters", "exact", "source")),
             ]
             text += f"| {' | '.join(cells)} |\n"
@@ -69,9 +72,89 @@ def page():
     text += f"\n| method | {' | '.join(flags)} |\n| --- |{' --- |' * len(flags)}\n"
     for id in (id for ids in FAMILIES.values() for id in ids):
         marks = ["yes" if flag in METHODS[id].flags else "" for flag in flags]
-        text += f"| `{id}` | {' | '.join(marks)} |\n"
+        text += f"| [`{id}`]({id}.md) | {' | '.join(marks)} |\n"
     return text
 
 
+BEGIN, END = "<!-- from the table of methods, by make.py -->\n", "<!-- until here -->\n"
+
+
+def block(method):
+    """What a page says first: the method's row."""
+    text = f"{BEGIN}# `{method.id}`: {method.title}\n\n"
+    rows = {
+        "source": method.source,
+        "fragments are taken": ORDERS[method.order],
+        "passes over the geometry": _by_parameters(method, method.passes),
+        "bytes a pixel": _by_parameters(method, method.bytes_per_pixel),
+        "exact": method.exact_when,
+        "deterministic": method.deterministic,
+        "holds": _invariants(flag for flag in FLAGS if flag in method.flags),
+        "does not hold": _invariants(flag for flag in FLAGS if flag not in method.flags),
+    }
+    text += "| | |\n| --- | --- |\n" + "".join(f"| {name} | {value} |\n" for name, value in rows.items())
+    given = [(f"`{p.name}`", f"`{p.default!r}`", _values(p), p.about) for p in method.parameters]
+    if method.takes_range:
+        given.append(("`depth_range`", "that of the translucent vertices", "two eye depths", "nearest and farthest"))
+    if given:
+        text += "\n| parameter | default | values | what |\n| --- | --- | --- | --- |\n"
+        text += "".join(f"| {' | '.join(cells)} |\n" for cells in given)
+    return text + END
+
+
+ORDERS = {
+    "front_to_back": "front to back",
+    "submission": "in the order of submission",
+    "any": "in any order",
+}
+
+
+def _by_parameters(method, cost):
+    """A cost by the defaults, and where a parameter changes it, by a few of its values."""
+    defaults = method.checked({})
+    usual = cost(**defaults)
+    text = [str(usual)]
+    for parameter in method.parameters:
+        costs = {value: cost(**defaults | {parameter.name: value}) for value in _examples(parameter)}
+        text += [f"{other} with `{parameter.name}={value!r}`" for value, other in costs.items() if other != usual]
+    return "; ".join(text)
+
+
+def _examples(parameter):
+    if parameter.choices:
+        return parameter.choices
+    if isinstance(parameter.default, bool):
+        return (False, True)
+    values = (parameter.low, parameter.default // 2, parameter.default, parameter.default * 2, parameter.high)
+    return sorted({value for value in values if parameter.low <= value <= parameter.high})
+
+
+def _values(parameter):
+    if parameter.choices:
+        return ", ".join(f"`{choice!r}`" for choice in parameter.choices)
+    if isinstance(parameter.default, bool):
+        return "`True`, `False`"
+    return f"{parameter.low:.10g} to {parameter.high:.10g}"
+
+
+def _invariants(flags):
+    return "; ".join(FLAGS[flag] for flag in flags) or "none of [those that are looked at](README.md#invariants)"
+
+
+def refreshed(text, method):
+    """A page with the block as the table has it now."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return before + block(method) + after
+
+
+def main():
+    folder = Path(__file__).parent
+    (folder / "README.md").write_text(index(), encoding="utf-8")
+    for id in sorted(BUILT_IN):
+        page = folder / f"{id}.md"
+        page.write_text(refreshed(page.read_text(encoding="utf-8"), METHODS[id]), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    Path(__file__).with_name("README.md").write_text(page(), encoding="utf-8")
+    main()
