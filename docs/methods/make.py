@@ -58,13 +58,15 @@ def index():
     assert {id for ids in FAMILIES.values() for id in ids} == BUILT_IN
     text = HEAD
     for family, ids in FAMILIES.items():
-        text += f"\n## {family}\n\n| method | what | passes | bytes a pixel | parameters | exact | source |\n"
-        text += "| --- | --- | --- | --- | --- | --- | --- |\n"
+        text += (
+            f"\n## {family}\n\n| method | what | passes | bytes a pixel | parameters | exact | pipelines | source |\n"
+        )
+        text += "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
         for id in ids:
             row = METHODS[id].row()
             cells = [
                 f"[`{id}`]({id}.md)",
-                *(row[c] for c in ("title", "passes", "bytes per pixel", "parameters", "exact", "source")),
+                *(row[c] for c in ("title", "passes", "bytes per pixel", "parameters", "exact", "pipelines", "source")),
             ]
             text += f"| {' | '.join(cells)} |\n"
     flags = list(FLAGS)
@@ -89,6 +91,7 @@ def block(method):
         "bytes a pixel": _by_parameters(method, method.bytes_per_pixel),
         "exact": method.exact_when,
         "deterministic": method.deterministic,
+        "pipelines": ", ".join(f"`{name}`" for name in method.pipelines),
         "holds": _invariants(flag for flag in FLAGS if flag in method.flags),
         "does not hold": _invariants(flag for flag in FLAGS if flag not in method.flags),
     }
