@@ -3,7 +3,7 @@
     python benchmarks/run.py [--devices cpu gpu] [--pipelines tiles linked_list prefix_sum] [--scenes "20k of ~20 px"]
                              [--scale 1.0] [--repeats 7] [--json out.json] [--markdown out.md]
 
-All pipelines that a device has (`abuffer.pipelines()`) are rows, those that fail too. Needs numpy; trimesh and
+All pipelines that a device has of exact images (`abuffer.methods()`) are rows, those that fail too. Needs numpy; trimesh and
 pymeshfix for the real model; torch for the bandwidth of a GPU's copies. `--scale 0.05` suits a software driver.
 """
 
@@ -24,12 +24,14 @@ import abuffer as ab
 FRAMES = 20  # of plain blending
 CHANGED, ALLOWED = 1e-3, 0.01  # hardware may snap the edges of triangles to either side: a share of pixels, not a bound
 
+PIPELINES = ab.methods()["exact"]["pipelines"].split(", ")
+
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--devices", nargs="+", default=["cpu", "gpu"], help='"cpu", "gpu", or parts of names')
-    parser.add_argument("--pipelines", nargs="+", default=list(ab.pipelines()), choices=list(ab.pipelines()))
+    parser.add_argument("--pipelines", nargs="+", default=PIPELINES, choices=PIPELINES)
     parser.add_argument("--scenes", nargs="+", default=list(named.ALL), choices=named.ALL, metavar="SCENE")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the fragments to render")
     parser.add_argument("--memory", default="8GiB", help="of lists and bins; beyond it come bands")

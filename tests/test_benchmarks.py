@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from abuffer._methods import METHODS
+from abuffer.own_methods import BUILT_IN
+
 RUN = Path(__file__).parents[1] / "benchmarks" / "run.py"
 
 
@@ -64,3 +67,20 @@ def test_layers_fill_the_screen(found):
 def test_smoke_is_uneven(found):
     lengths = list(covered(found, "smoke"))
     assert lengths[0] == "1" and int(lengths[-1].split("–")[0]) >= 128
+
+
+def test_methods_are_timed_in_their_published_form_and_as_replays(tmp_path, needs_gpu):
+    path = tmp_path / "rows.json"
+    scene = "200 of ~400 px"
+    command = [sys.executable, RUN.with_name("methods.py"), "--scale", "0.0005", "--frames", "2", "--json", path]
+    done = subprocess.run([*command, "--scenes", scene], capture_output=True, text=True, encoding="utf-8")
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = {(row["method"], row["pipeline"]): row for row in json.loads(path.read_text())}
+    for id in BUILT_IN:
+        if not METHODS[id].sorts:
+            timed = {pipeline for method, pipeline in rows if method == id}
+            # A software driver's loops may be too short for a replay of peelings.
+            rest = {"linked_list", "prefix_sum", *(["tiles"] if id.endswith("peeling") else [])}
+            assert timed >= set(METHODS[id].pipelines) - rest, (id, timed)
+    assert all(ms > 0 for row in rows.values() for ms in row["ms"])
+    assert rows["exact", "tiles"]["max"] < 1e-5 < rows["wboit", "hardware"]["rmse"]
