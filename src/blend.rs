@@ -2,7 +2,8 @@
 //!
 //! A fragment with straight colour c and alpha α turns the destination d into a + f·d in each channel, and
 //! the alpha behind it, A, into a₄ + f₄·A. Affine maps compose: fragments may be taken front to back, with
-//! the product of all f so far as a transmittance per channel (underblending: Bavoil and Myers 2008).
+//! the product of all f so far as a transmittance per channel (underblending: Bavoil and Myers 2008), or in any
+//! other order that puts one in front of the other.
 
 use crate::real::Real;
 
@@ -14,56 +15,62 @@ const MULTIPLY: u8 = 2;
 const SCREEN: u8 = 3;
 const PREMULTIPLIED: u8 = 4;
 
-/// (a, f) of a fragment with straight RGBA.
-#[inline]
-pub fn affine<T: Real>(mode: u8, [r, g, b, alpha]: [T; 4]) -> ([T; 4], [T; 4]) {
-    let (zero, one) = (T::ZERO, T::ONE);
-    let through = one - alpha;
-    let [pr, pg, pb] = [alpha * r, alpha * g, alpha * b];
-    let through_plus = |c: T| alpha.times_plus(c, through);
-    let one_minus = |c: T| (-alpha).times_plus(c, one);
-    match mode {
-        ADDITIVE => ([pr, pg, pb, zero], [one; 4]),
-        MULTIPLY => ([zero; 4], [through_plus(r), through_plus(g), through_plus(b), one]),
-        SCREEN => ([pr, pg, pb, zero], [one_minus(r), one_minus(g), one_minus(b), one]),
-        PREMULTIPLIED => ([r, g, b, alpha], [through; 4]),
-        _ => ([pr, pg, pb, alpha], [through; 4]),
-    }
-}
-
-/// Fragments of any affine mode, front to back.
+/// What fragments, one or several, make of the destination behind them: a + f·d in each channel.
 #[derive(Debug, Clone, Copy)]
-pub struct State<T> {
+pub struct Affine<T> {
     /// Premultiplied RGB, then alpha.
-    rgba: [T; 4],
-    transmittance: [T; 4],
+    a: [T; 4],
+    /// The transmittance.
+    f: [T; 4],
 }
 
-impl<T: Real> State<T> {
+impl<T: Real> Affine<T> {
+    /// Of no fragment.
     #[inline]
-    pub fn begin() -> Self {
-        Self { rgba: [T::ZERO; 4], transmittance: [T::ONE; 4] }
+    pub fn identity() -> Self {
+        Self { a: [T::ZERO; 4], f: [T::ONE; 4] }
     }
 
-    /// Puts a fragment (straight RGBA) behind those inserted before it.
+    /// Of one fragment, straight.
     #[inline]
-    pub fn insert(&mut self, mode: u8, color: [T; 4]) {
-        let (a, f) = affine(mode, color);
-        self.rgba = std::array::from_fn(|i| self.transmittance[i].times_plus(a[i], self.rgba[i]));
-        self.transmittance = std::array::from_fn(|i| self.transmittance[i] * f[i]);
+    pub fn of(mode: u8, [r, g, b, alpha]: [T; 4]) -> Self {
+        let (zero, one) = (T::ZERO, T::ONE);
+        let through = one - alpha;
+        let [pr, pg, pb] = [alpha * r, alpha * g, alpha * b];
+        let through_plus = |c: T| alpha.times_plus(c, through);
+        let one_minus = |c: T| (-alpha).times_plus(c, one);
+        let (a, f) = match mode {
+            ADDITIVE => ([pr, pg, pb, zero], [one; 4]),
+            MULTIPLY => ([zero; 4], [through_plus(r), through_plus(g), through_plus(b), one]),
+            SCREEN => ([pr, pg, pb, zero], [one_minus(r), one_minus(g), one_minus(b), one]),
+            PREMULTIPLIED => ([r, g, b, alpha], [through; 4]),
+            _ => ([pr, pg, pb, alpha], [through; 4]),
+        };
+        Self { a, f }
+    }
+
+    /// These fragments in front of others.
+    #[inline]
+    pub fn onto(self, back: Self) -> Self {
+        Self { a: self.of_destination(back.a), f: std::array::from_fn(|i| self.f[i] * back.f[i]) }
+    }
+
+    /// The premultiplied colour over a straight background.
+    #[inline]
+    pub fn over(self, background: [T; 4]) -> [T; 4] {
+        self.of_destination(premultiplied(background))
+    }
+
+    /// What becomes of a premultiplied destination.
+    #[inline]
+    pub fn of_destination(self, destination: [T; 4]) -> [T; 4] {
+        std::array::from_fn(|i| self.f[i].times_plus(destination[i], self.a[i]))
     }
 
     /// Nothing behind can change any channel any more.
     #[inline]
     pub fn is_saturated(&self) -> bool {
-        self.transmittance.iter().all(|&t| t == T::ZERO)
-    }
-
-    /// The premultiplied colour over a straight background.
-    #[inline]
-    pub fn end(self, background: [T; 4]) -> [T; 4] {
-        let behind = premultiplied(background);
-        std::array::from_fn(|i| self.transmittance[i].times_plus(behind[i], self.rgba[i]))
+        self.f.iter().all(|&f| f == T::ZERO)
     }
 }
 
@@ -73,18 +80,12 @@ pub fn premultiplied<T: Real>([r, g, b, a]: [T; 4]) -> [T; 4] {
     [a * r, a * g, a * b, a]
 }
 
-/// One fragment over a premultiplied destination: the step of the way from back to front.
-#[inline]
-pub fn onto<T: Real>(destination: [T; 4], mode: u8, color: [T; 4]) -> [T; 4] {
-    let (a, f) = affine(mode, color);
-    std::array::from_fn(|i| f[i].times_plus(destination[i], a[i]))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const COLOR: [f64; 4] = [0.9, 0.4, 0.1, 0.6];
+    const OTHER: [f64; 4] = [0.3, 0.6, 0.9, 0.25];
     const BEHIND: [f64; 4] = [0.2, 0.5, 0.8, 1.0];
 
     /// The definitions of section 2.6.4's modes, channel by channel.
@@ -101,9 +102,7 @@ mod tests {
     #[test]
     fn one_fragment_of_each_mode_is_what_the_mode_says() {
         for mode in 0..5 {
-            let mut state = State::begin();
-            state.insert(mode, COLOR);
-            let got = state.end(BEHIND);
+            let got = Affine::of(mode, COLOR).over(BEHIND);
             for i in 0..3 {
                 let wanted = defined(mode, BEHIND[i], COLOR[i], COLOR[3]);
                 assert!((got[i] - wanted).abs() < 1e-15, "{} channel {i}", MODES[mode as usize]);
@@ -114,7 +113,7 @@ mod tests {
     #[test]
     fn only_over_and_premultiplied_raise_alpha() {
         for mode in 0..5 {
-            let got = onto([0.0; 4], mode, COLOR)[3];
+            let got = Affine::of(mode, COLOR).of_destination([0.0; 4])[3];
             let raises = ["over", "premultiplied"].contains(&MODES[mode as usize]);
             assert_eq!(got, if raises { 0.6 } else { 0.0 });
         }
@@ -124,11 +123,9 @@ mod tests {
     fn both_directions_agree_for_every_pair_of_modes() {
         for front in 0..5 {
             for back in 0..5 {
-                let mut state = State::begin();
-                state.insert(front, COLOR);
-                state.insert(back, [0.3, 0.6, 0.9, 0.25]);
-                let under = state.end(BEHIND);
-                let over = onto(onto(premultiplied(BEHIND), back, [0.3, 0.6, 0.9, 0.25]), front, COLOR);
+                let (a, b) = (Affine::of(front, COLOR), Affine::of(back, OTHER));
+                let under = Affine::identity().onto(a).onto(b).over(BEHIND);
+                let over = a.of_destination(b.over(BEHIND));
                 assert!((0..4).all(|i| (under[i] - over[i]).abs() < 1e-15), "{front} {back}");
             }
         }
@@ -136,10 +133,9 @@ mod tests {
 
     #[test]
     fn additive_and_multiply_commute_with_themselves_and_over_does_not() {
-        let other = [0.3, 0.6, 0.9, 0.25];
         let changes = |mode: u8| {
-            let one = onto(onto(BEHIND, mode, COLOR), mode, other);
-            let two = onto(onto(BEHIND, mode, other), mode, COLOR);
+            let (a, b) = (Affine::of(mode, COLOR), Affine::of(mode, OTHER));
+            let (one, two) = (b.onto(a).over(BEHIND), a.onto(b).over(BEHIND));
             (0..4).any(|i| (one[i] - two[i]).abs() > 1e-12)
         };
         assert!(!changes(ADDITIVE) && !changes(MULTIPLY) && !changes(SCREEN));

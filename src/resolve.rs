@@ -1,7 +1,7 @@
 //! Resolve: one pixel's sorted fragments become its colour, or one colour a sample (GPU Pro 2, sections 2.6.4,
 //! 2.7.2 and 2.8.3). Where fragments come from, a pipeline or captured lists, is the caller's business.
 
-use crate::blend::{self, MODES, onto, premultiplied};
+use crate::blend::{Affine, MODES, premultiplied};
 use crate::frame::{BlendOrder, MsaaResolve, Request, Stats};
 use crate::methods::{self, Method, Order, Place, exact};
 use crate::real::Real;
@@ -61,19 +61,19 @@ impl<T: Real> Blender<T> for exact::State<T> {
     }
 }
 
-impl<T: Real> Blender<T> for blend::State<T> {
+impl<T: Real> Blender<T> for Affine<T> {
     const BACK_TO_FRONT: bool = false;
     fn begin(_: [T; 4]) -> Self {
-        Self::begin()
+        Self::identity()
     }
     fn add(&mut self, fragment: &Fragment<T>) {
-        self.insert(fragment.mode, fragment.own.color);
+        *self = self.onto(Self::of(fragment.mode, fragment.own.color));
     }
     fn is_done(&self, _: T) -> bool {
         self.is_saturated() // additive adds without end: no transmittance but 0 bounds what is to come
     }
     fn end(self, behind: [T; 4]) -> [T; 4] {
-        self.end(behind)
+        self.over(behind)
     }
 }
 
@@ -87,7 +87,7 @@ impl<T: Real> Blender<T> for Destination<T> {
         Self(premultiplied(behind))
     }
     fn add(&mut self, fragment: &Fragment<T>) {
-        self.0 = onto(self.0, fragment.mode, fragment.own.color);
+        self.0 = Affine::of(fragment.mode, fragment.own.color).of_destination(self.0);
     }
     fn is_done(&self, _: T) -> bool {
         false
@@ -149,7 +149,7 @@ impl Resolve {
         if self.method.is_exact() {
             match (self.order, self.mixes) {
                 (BlendOrder::BackToFront, _) => self.run::<T, Destination<T>>(n, fragment, behind, write),
-                (BlendOrder::FrontToBack, true) => self.run::<T, blend::State<T>>(n, fragment, behind, write),
+                (BlendOrder::FrontToBack, true) => self.run::<T, Affine<T>>(n, fragment, behind, write),
                 (BlendOrder::FrontToBack, false) => {
                     self.run::<T, exact::State<T>>(n, fragment, behind, write)
                 }

@@ -87,7 +87,7 @@ impl Variant {
         if self.back_to_front() {
             files.extend(["blend/affine", "blend/back_to_front"]);
         } else if self.layout.mixed {
-            files.extend(["blend/affine", "blend/front_to_back"]);
+            files.extend(["blend/affine", "blend/compose", "blend/front_to_back"]);
         } else {
             files.extend(["methods/exact", "blend/over"]);
         }
