@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::blend::MODES;
+use crate::blend::{MODES, OVER};
 use crate::error::{Error, Result};
 use crate::fragments::Background;
 use crate::frame::MsaaResolve;
@@ -53,12 +53,9 @@ impl<C: Real> Lists<'_, C> {
             // Lists are sorted.
             order: f64::entry(0, place),
             primitive: self.primitive[i] as u32,
+            mode: self.blend.map_or(OVER, |b| b[i]),
         };
-        Fragment {
-            own,
-            mode: self.blend.map_or(0, |b| b[i]),
-            coverage: self.coverage.map_or(u32::MAX, |c| c[i]),
-        }
+        Fragment { own, coverage: self.coverage.map_or(u32::MAX, |c| c[i]) }
     }
 }
 

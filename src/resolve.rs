@@ -12,8 +12,6 @@ use crate::scene::Scene;
 #[derive(Debug, Clone, Copy)]
 pub struct Fragment<T: Real> {
     pub own: methods::Fragment<T>,
-    /// An id of `blend::MODES`.
-    pub mode: u8,
     /// Bit s: sample s is covered.
     pub coverage: u32,
 }
@@ -67,7 +65,7 @@ impl<T: Real> Blender<T> for Affine<T> {
         Self::identity()
     }
     fn add(&mut self, fragment: &Fragment<T>) {
-        *self = self.onto(Self::of(fragment.mode, fragment.own.color));
+        *self = self.onto(Self::of(fragment.own.mode, fragment.own.color));
     }
     fn is_done(&self, _: T) -> bool {
         self.is_saturated() // additive adds without end: no transmittance but 0 bounds what is to come
@@ -87,7 +85,7 @@ impl<T: Real> Blender<T> for Destination<T> {
         Self(premultiplied(behind))
     }
     fn add(&mut self, fragment: &Fragment<T>) {
-        self.0 = Affine::of(fragment.mode, fragment.own.color).of_destination(self.0);
+        self.0 = Affine::of(fragment.own.mode, fragment.own.color).of_destination(self.0);
     }
     fn is_done(&self, _: T) -> bool {
         false
@@ -275,8 +273,8 @@ mod tests {
     }
 
     fn fragment(color: [f64; 4], mode: u8, coverage: u32) -> Fragment<f64> {
-        let own = methods::Fragment { color, depth: 1.0, order: 0, primitive: 0 };
-        Fragment { own, mode, coverage }
+        let own = methods::Fragment { color, depth: 1.0, order: 0, primitive: 0, mode };
+        Fragment { own, coverage }
     }
 
     fn image(resolve: Resolve, fragments: &[Fragment<f64>]) -> Vec<[f64; 4]> {

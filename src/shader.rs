@@ -76,6 +76,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "sort/heap",
     "blend/over",
     "blend/affine",
+    "blend/affine_over",
     "blend/compose",
     "blend/front_to_back",
     "blend/back_to_front",

@@ -18,8 +18,8 @@ SRC, PACKAGE = ROOT / "src", ROOT / "python" / "abuffer"
 RANKS = [
     {"error", "real"},
     {"memory", "scene", "png", "samples", "shader", "threads"},
-    {"camera", "clip", "fragments", "node_format"},
-    {"blend", "methods"},
+    {"blend", "camera", "clip", "fragments", "node_format"},
+    {"methods"},
     {"frame"},
     {"resolve"},
     {"cpu", "gpu", "composite"},

@@ -46,17 +46,23 @@ def test_a_flag_says_whether_an_invariant_holds(id, flag):
         assert worst > 1e-4, f"{FLAGS[flag]}: off by {worst:.3g} alone, though the table says that it does not hold"
 
 
+@pytest.mark.parametrize("mode", [mode for mode in ab.BLENDS if mode != "over"])
 @pytest.mark.parametrize("id", METHODS)
-def test_modes_are_taken_or_refused(id):
-    mesh = ab.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0, 0, 0.5), blend="additive")
+def test_modes_are_taken_or_refused(id, mode):
+    """What takes them blends a single fragment exactly (test_methods_modes.py has more of them)."""
+    mesh = ab.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], colors=(1, 0.5, 0, 0.5), blend=mode)
+    look = {**SIZE, "device": "cpu", "background": (0.2, 0.4, 0.6, 0.5)}
+    exact = ab.render(mesh, CAMERA, **look, fragments=True)
     if "modes" in METHODS[id].flags:
-        assert ab.render(mesh, CAMERA, **SIZE, device="cpu", method=id).image.any()
+        np.testing.assert_allclose(ab.render(mesh, CAMERA, **look, method=id).image, exact.image, rtol=8 * methods.U)
+        again = exact.fragments.composite(id, **seen(id, mesh))
+        np.testing.assert_allclose(again, exact.fragments.composite(), rtol=1e-15)
         return
-    with pytest.raises(ParameterError, match="is for blend=\"over\" alone, and there is 'additive'"):
-        ab.render(mesh, CAMERA, **SIZE, device="cpu", method=id)
-    frags = ab.render(mesh, CAMERA, **SIZE, device="cpu", fragments=True).fragments
-    with pytest.raises(ParameterError, match='is for blend="over" alone'):
-        frags.composite(id, **seen(id, mesh))
+    refused = f"is for blend=\"over\" alone, and there is '{mode}'"
+    with pytest.raises(ParameterError, match=refused):
+        ab.render(mesh, CAMERA, **look, method=id)
+    with pytest.raises(ParameterError, match=refused):
+        exact.fragments.composite(id, **seen(id, mesh))
 
 
 @pytest.mark.parametrize("samples", [1, 4])

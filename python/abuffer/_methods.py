@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from . import _check, own_weight, painter
+from .blend import BLENDS
 from .errors import ParameterError
 
 # What holds for a method's image, or does not: tests show both.
@@ -19,7 +20,7 @@ FLAGS = {
     "exact_coverage": "alpha is 1 − Π (1 − αᵢ)",
     "order_free": "the order of submission changes nothing but roundings",
     "hull": "each channel lies between the least and the greatest of the fragments' and the background's",
-    "modes": "blend modes other than over are taken",
+    "modes": "the five blend modes are taken, not over alone",
 }
 
 
@@ -128,7 +129,7 @@ def _painted(id, what, source):
         bytes_per_pixel=lambda key: 0,
         exact_when=f"{what} do not cross, nor overlap in a cycle or against their depths",
         # Those of unsorted: there is an order, if a better one.
-        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull"),
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull", "modes"),
         parameters=(
             Parameter("key", "centroid", f"the depth that {what} go by: their middle's, or a vertex's", painter.KEYS),
         ),
@@ -179,7 +180,7 @@ ALL = (
         passes=lambda layers: layers or "fragments of the deepest pixel + 1",
         bytes_per_pixel=lambda layers: 24,
         exact_when="always, without a limit of layers",
-        flags=_flags(*set(FLAGS) - {"modes"}),
+        flags=_flags(*FLAGS),
         parameters=(
             Parameter("layers", 0, "nearest layers that are peeled, the others being dropped; 0: all", high=1024),
         ),
@@ -193,7 +194,7 @@ ALL = (
         passes=lambda: "half the fragments of the deepest pixel + 1",
         bytes_per_pixel=lambda: 48,
         exact_when="always",
-        flags=_flags(*set(FLAGS) - {"modes"}),
+        flags=_flags(*FLAGS),
         is_native=True,
     ),
     Method(
@@ -240,7 +241,7 @@ ALL = (
         passes=lambda: 1,
         bytes_per_pixel=lambda: 0,
         exact_when="fragments come back to front",
-        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull"),
+        flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "hull", "modes"),
         is_native=True,
     ),
     Method(
@@ -440,13 +441,19 @@ class Chosen:
     depth_range: tuple | None = field(default=None)
 
     def refuse_modes(self, modes):
-        """Raises a ParameterError if there are blend modes, by whatever name, and the method takes none."""
-        if len(modes) and "modes" not in self.method.flags:
-            able = [method.id for method in METHODS.values() if "modes" in method.flags]
-            raise ParameterError(
-                f'method {self.method.id!r} is for blend="over" alone, and there is {modes[0]!r}: '
-                f"those that take modes are {', '.join(able)}"
-            )
+        """Raises a ParameterError if the method does not take one of some modes other than over, or Blends by any name."""
+        for mode in modes:
+            if "modes" not in self.method.flags:
+                able = [method.id for method in METHODS.values() if "modes" in method.flags]
+                raise ParameterError(
+                    f'method {self.method.id!r} is for blend="over" alone, and there is {mode!r}: '
+                    f"those that take modes are {', '.join(able)}"
+                )
+            if mode not in BLENDS and self.method.id != "exact":
+                raise ParameterError(
+                    f"method {self.method.id!r} takes the modes {', '.join(BLENDS)}, and there is {mode!r}: "
+                    "Blends are for method 'exact' alone"
+                )
 
     def require(self, pipeline, samples, modes):
         """Raises a ParameterError if a pipeline does not have the method, or not for so many samples or these modes."""

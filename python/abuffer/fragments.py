@@ -237,10 +237,13 @@ class Fragments:
         if background is not None:
             behind = self._behind(_check.background(background, self.shape, self.samples))
         behind = np.ascontiguousarray(behind, dtype=np.float64)
-        least = self._least_transmittance(chosen.get("cutoff", 0), behind, msaa_resolve, order)
+        modes = self._modes()
+        how.refuse_modes(modes)
+        settings = {"samples": self.samples, "msaa_resolve": msaa_resolve, "blend_order": order}
+        stop = cutoff.checked(chosen.get("cutoff", 0))
+        least = cutoff.least_transmittance(stop, modes, (self.color, behind), settings, self.samples)
         own_methods.require(how, "numpy", "compositing lists")
         nearest, farthest = (float(self.depth.min()), float(self.depth.max())) if len(self) else (0.0, 0.0)
-        how.refuse_modes(() if self.blend is None else [i for i in np.unique(self.blend) if i != 0])
         if self.blend is not None and (self.blend >= len(BLENDS)).any():
             image = self._by_layers(msaa_resolve, behind)
         elif how.method.numpy is not None:
@@ -250,11 +253,8 @@ class Fragments:
             y0, x0, *_ = self._window
             if how.method.sorts:
                 lists["primitive"] = self._painted(how, chosen)
-            settings = {
+            settings |= {
                 "method": how.parts(nearest, farthest),
-                "samples": self.samples,
-                "msaa_resolve": msaa_resolve,
-                "blend_order": order,
                 "least_transmittance": least,
                 "window": (x0, y0, self.shape[1]),
             }
@@ -262,12 +262,10 @@ class Fragments:
         each = (self.samples,) if msaa_resolve == "none" else ()
         return image.reshape(*self.shape, *each, 4)
 
-    def _least_transmittance(self, value, behind, msaa_resolve, order):
-        value, blends = cutoff.checked(value), ()
-        if value > 0 and self.blend is not None:
-            blends = ["a Blend" if i >= len(BLENDS) else BLENDS[i] for i in np.unique(self.blend)]
-        chosen = {"msaa_resolve": msaa_resolve, "blend_order": order}
-        return cutoff.least_transmittance(value, blends, (self.color, behind), chosen, self.samples)
+    def _modes(self) -> list:
+        """The modes other than over that the lists hold; of Blends, that there are some."""
+        ids = () if self.blend is None else np.unique(self.blend)
+        return ["a Blend" if i >= len(BLENDS) else BLENDS[i] for i in ids if i != 0]
 
     def _by_layers(self, msaa_resolve, behind=None, kept=None):
         """`composite` in numpy, for lists that a user's own Blends are in: (H·W, 4) or (H·W, samples, 4).

@@ -1,7 +1,7 @@
 """Baselines that sort what they paint, by one depth for each object or triangle, and not by pixel.
 
-Painter's algorithm (Newell, Newell and Sancha 1972, without its splitting): objects or triangles are painted with over in the
-order of a depth, the farthest first, equal ones as they were submitted. No such order is right where triangles cross or
+Painter's algorithm (Newell, Newell and Sancha 1972, without its splitting): objects or triangles are painted in the order of a
+depth, the farthest first, equal ones as they were submitted. No such order is right where triangles cross or
 overlap in a cycle, nor wherever one depth says too little of something large.
 """
 
@@ -50,7 +50,7 @@ def in_order(meshes, camera, what, key) -> list:
     opaque, translucent = [m for m in meshes if m.opaque], [m for m in meshes if not m.opaque]
     order = painted(translucent, camera, what, key)
     owner = np.repeat(np.arange(len(translucent)), [m.face_count for m in translucent])
-    if len({m.cull for m in translucent}) <= 1:
+    if len({(m.cull, m.blend) for m in translucent}) <= 1:
         owner = np.zeros_like(owner)  # a mesh for all of them
     positions = [m.triangles() for m in translucent]
     colors = [corner_colors(m) for m in translucent]
@@ -58,9 +58,9 @@ def in_order(meshes, camera, what, key) -> list:
         return opaque
     positions, colors = np.concatenate(positions)[order], np.concatenate(colors)[order]
     ends = np.flatnonzero(np.diff(owner[order])) + 1
-    cull = [m.cull for m in translucent]
     runs = zip(np.split(positions, ends), np.split(colors, ends), owner[order][np.r_[0, ends]], strict=True)
-    return [*opaque, *(Mesh(p, colors=c, cull=cull[mesh]) for p, c, mesh in runs)]
+    alike = [{"cull": m.cull, "blend": m.blend} for m in translucent]
+    return [*opaque, *(Mesh(p, colors=c, **alike[mesh]) for p, c, mesh in runs)]
 
 
 def ranks(scene, camera, what, key) -> np.ndarray:

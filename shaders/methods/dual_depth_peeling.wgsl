@@ -6,8 +6,8 @@ const FRONT_END = vec2u(0u);
 const BACK_END = vec2u(0xffffffffu);
 
 struct State {
-    front: Layer,
-    back: Layer,
+    front: Affine,
+    back: Affine,
     // Orders of the last ones peeled on either side.
     last_near: vec2u,
     last_far: vec2u,
@@ -16,11 +16,14 @@ struct State {
     far: vec2u,
     near_color: vec4f,
     far_color: vec4f,
+    near_mode: u32,
+    far_mode: u32,
 }
 
 fn begin(place: Place) -> State {
+    let clear = affine_identity();
     let none = vec4f(0.0);
-    return State(layer_clear(), layer_clear(), FRONT_END, BACK_END, BACK_END, FRONT_END, none, none);
+    return State(clear, clear, FRONT_END, BACK_END, BACK_END, FRONT_END, none, none, 0u, 0u);
 }
 
 fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
@@ -32,9 +35,9 @@ fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
     if all(near == BACK_END) {
         return false;
     }
-    (*s).front = layer_onto((*s).front, layer_of((*s).near_color));
+    (*s).front = affine_onto((*s).front, affine((*s).near_mode, (*s).near_color));
     if any(near != far) {
-        (*s).back = layer_onto(layer_of((*s).far_color), (*s).back);
+        (*s).back = affine_onto(affine((*s).far_mode, (*s).far_color), (*s).back);
     }
     (*s).last_near = near;
     (*s).last_far = far;
@@ -51,15 +54,17 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
     if in_front(order, (*s).near) {
         (*s).near = order;
         (*s).near_color = fragment.color;
+        (*s).near_mode = fragment.mode;
     }
     if in_front((*s).far, order) {
         (*s).far = order;
         (*s).far_color = fragment.color;
+        (*s).far_mode = fragment.mode;
     }
 }
 
 fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    return layer_over(layer_onto((*s).front, (*s).back), behind);
+    return affine_over(affine_onto((*s).front, (*s).back), behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

@@ -1,11 +1,11 @@
-// Unsorted: composited with `over` in the order of submission, as if painted (src/methods/unsorted.rs).
+// Unsorted: composited in the order of submission, as if painted (src/methods/unsorted.rs).
 
 struct State {
-    painted: Layer,
+    painted: Affine,
 }
 
 fn begin(place: Place) -> State {
-    return State(layer_clear());
+    return State(affine_identity());
 }
 
 fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
@@ -13,11 +13,11 @@ fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
 }
 
 fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
-    (*s).painted = layer_onto(layer_of(fragment.color), (*s).painted);
+    (*s).painted = affine_onto(affine(fragment.mode, fragment.color), (*s).painted);
 }
 
 fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    return layer_over((*s).painted, behind);
+    return affine_over((*s).painted, behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

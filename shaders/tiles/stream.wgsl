@@ -57,7 +57,8 @@ fn visit(n: u32, pixel: vec2u, center: vec2f, mask: u32) {
     }
     let value = value_at(items[n].key, at);
     let depth = select(value, 1.0 / value, view.perspective == 1u);
-    insert(&state, Fragment(color, depth, sort_key(value), items[n].id), own_pass);
+    let mode = select(0u, (items[n].flags >> BLEND_SHIFT) & 15u, MIXED && !opaque_here);
+    insert(&state, Fragment(color, depth, sort_key(value), items[n].id, mode), own_pass);
 }
 
 fn behind(pixel: vec2u) -> vec4f {

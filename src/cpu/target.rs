@@ -6,6 +6,7 @@ use std::mem::MaybeUninit;
 use super::entry::Listed;
 use super::region::TILE;
 use super::tile::{Pixel, Walk, rank_of};
+use crate::blend::OVER;
 use crate::frame::LimitPolicy;
 use crate::methods;
 use crate::real::{Real, depth_of_key};
@@ -218,8 +219,8 @@ impl<T: Real, L: Listed<T>> ImageTarget<'_, '_, T, L> {
                 depth: depth_of_key(T::key_of(listed[i].entry()), walk.setup.perspective),
                 order: listed[i].entry(),
                 primitive: walk.primitive(listed[i]),
+                mode: if resolve.mixes { walk.mode(listed[i]) } else { OVER },
             },
-            mode: if resolve.mixes { walk.mode(listed[i]) } else { 0 },
             coverage: listed[i].coverage(),
         };
         let image = &mut self.image;

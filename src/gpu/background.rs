@@ -34,8 +34,8 @@ pub fn fill_outside(
         order: BlendOrder::FrontToBack,
         least_transmittance: 0.0,
     };
-    let own = methods::Fragment { color: [0.0; 4], depth: 0.0, order: 0, primitive: 0 };
-    let none = |_| Fragment { own, mode: 0, coverage: 0 };
+    let own = methods::Fragment { color: [0.0; 4], depth: 0.0, order: 0, primitive: 0, mode: 0 };
+    let none = |_| Fragment { own, coverage: 0 };
     let inside = |x: usize, y: usize| {
         rect.is_some_and(|r| {
             (r.x0..r.x0 + r.w).contains(&(x as u32)) && (r.y0..r.y0 + r.h).contains(&(y as u32))

@@ -144,6 +144,11 @@ impl Variant {
         if self.subgroups { "sums_subgroup" } else { "sums_steps" }
     }
 
+    /// What a method that takes modes makes of a fragment, beside "blend/compose".
+    pub fn affine_file(&self) -> &'static str {
+        if self.layout.mixed { "blend/affine" } else { "blend/affine_over" }
+    }
+
     pub fn scan(&self) -> Result<Composed> {
         Composed::new(self.prelude(1, 0), &["sums", self.sums_file(), "scan"])
     }

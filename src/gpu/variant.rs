@@ -110,7 +110,7 @@ impl Variant {
 
     /// The same with how lists are stored, sorted and limited left out, where there are none.
     pub fn without_lists(self) -> Self {
-        let layout = NodeLayout::new(NodeFormat::Float32, self.layout.samples, false, false);
+        let layout = NodeLayout::new(NodeFormat::Float32, self.layout.samples, self.layout.mixed, false);
         let (msaa, hides) = (self.msaa, self.hides);
         Self { layout, msaa, hides, limit: None, order: BlendOrder::FrontToBack, ..self.without_nodes() }
     }
@@ -268,7 +268,7 @@ pub mod tests {
         let blends = blends.iter().enumerate().map(checked).collect();
         all.push(Variant { tiles: true, hides: true, divides_exactly: true, subgroups: true, ..plain() });
         all.push(Variant { tiles: true, colors: ColorsOf::Triangle, ..plain() });
-        all.push(Variant { tiles: true, colors: ColorsOf::Flat, ..plain() });
+        all.push(Variant { tiles: true, colors: ColorsOf::Flat, layout: many, ..plain() });
         all.push(Variant { blends, layout: NodeLayout::new(NodeFormat::Float32, 1, true, false), ..plain() });
         all
     }

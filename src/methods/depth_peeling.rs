@@ -5,8 +5,8 @@
 //! primitive, so that every one has its turn. With `layers` = P, what is behind the P nearest is dropped:
 //! |ΔC| ≤ T_{P+1} R for colours in a range R.
 
-use super::common::layer::Layer;
 use super::{Described, Fragment, Parameters, Place, Streamed};
+use crate::blend::Affine;
 use crate::real::Real;
 
 #[derive(Debug, Clone)]
@@ -16,7 +16,8 @@ pub struct DepthPeeling {
 }
 
 pub struct State<T: Real> {
-    layer: Layer<T>,
+    /// Those that were peeled.
+    front: Affine<T>,
     peeled: u32,
     /// The order of the last one peeled.
     last: Option<T::Entry>,
@@ -39,6 +40,9 @@ impl Described for DepthPeeling {
     fn constants(&self) -> Vec<(&'static str, String)> {
         vec![("LAYERS", format!("{}u", self.layers))]
     }
+    fn common(&self) -> &'static [&'static str] {
+        &["blend/compose"]
+    }
     fn work(&self, n: u32) -> (u32, u32) {
         let all = n.saturating_add(1);
         (if self.layers == 0 { all } else { all.min(self.layers) }, 0)
@@ -52,7 +56,7 @@ impl<T: Real> Streamed<T> for DepthPeeling {
     type State = State<T>;
 
     fn begin(&self, _: Place) -> State<T> {
-        State { layer: Layer::clear(), peeled: 0, last: None, found: None }
+        State { front: Affine::identity(), peeled: 0, last: None, found: None }
     }
 
     fn turn(&self, state: &mut State<T>, pass: u32) -> bool {
@@ -60,7 +64,7 @@ impl<T: Real> Streamed<T> for DepthPeeling {
             return true;
         }
         let Some(found) = state.found.take() else { return false };
-        state.layer = state.layer.onto(Layer::of(found.color));
+        state.front = state.front.onto(Affine::of(found.mode, found.color));
         state.last = Some(found.order);
         state.peeled += 1;
         self.layers == 0 || state.peeled < self.layers
@@ -74,7 +78,7 @@ impl<T: Real> Streamed<T> for DepthPeeling {
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
-        state.layer.over(behind)
+        state.front.over(behind)
     }
 
     fn left_out(&self, state: &State<T>, n: u32) -> u32 {

@@ -4,16 +4,16 @@
 //!
 //! As with other peelings, orders are by depth and primitive here, so that coincident fragments all have their turn.
 
-use super::common::layer::Layer;
 use super::{Described, Fragment, Parameters, Place, Streamed};
+use crate::blend::Affine;
 use crate::real::Real;
 
 #[derive(Debug, Clone)]
 pub struct DualDepthPeeling;
 
 pub struct State<T: Real> {
-    front: Layer<T>,
-    back: Layer<T>,
+    front: Affine<T>,
+    back: Affine<T>,
     /// Orders of the last ones peeled on either side.
     last: Option<(T::Entry, T::Entry)>,
     /// The nearest and the farthest between those, so far.
@@ -27,6 +27,9 @@ impl DualDepthPeeling {
 }
 
 impl Described for DualDepthPeeling {
+    fn common(&self) -> &'static [&'static str] {
+        &["blend/compose"]
+    }
     fn work(&self, n: u32) -> (u32, u32) {
         (n.div_ceil(2) + 1, 0)
     }
@@ -36,7 +39,7 @@ impl<T: Real> Streamed<T> for DualDepthPeeling {
     type State = State<T>;
 
     fn begin(&self, _: Place) -> State<T> {
-        State { front: Layer::clear(), back: Layer::clear(), last: None, found: None }
+        State { front: Affine::identity(), back: Affine::identity(), last: None, found: None }
     }
 
     fn turn(&self, state: &mut State<T>, pass: u32) -> bool {
@@ -44,9 +47,9 @@ impl<T: Real> Streamed<T> for DualDepthPeeling {
             return true;
         }
         let Some((near, far)) = state.found.take() else { return false };
-        state.front = state.front.onto(Layer::of(near.color));
+        state.front = state.front.onto(Affine::of(near.mode, near.color));
         if near.order != far.order {
-            state.back = Layer::of(far.color).onto(state.back);
+            state.back = Affine::of(far.mode, far.color).onto(state.back);
         }
         state.last = Some((near.order, far.order));
         true

@@ -63,6 +63,8 @@ pub struct Fragment<T: Real> {
     pub order: T::Entry,
     /// Its place in the order of submission.
     pub primitive: u32,
+    /// An id of `blend::MODES`: `over`, but for methods that take modes.
+    pub mode: u8,
 }
 
 /// Whose fragments these are.
@@ -103,7 +105,7 @@ pub trait Described {
     fn constants(&self) -> Vec<(&'static str, String)> {
         vec![]
     }
-    /// Files of shaders/methods/common that its shader needs.
+    /// Files of shaders that its own needs.
     fn common(&self) -> &'static [&'static str] {
         &["methods/common/layer"]
     }
@@ -273,6 +275,7 @@ pub fn run<T: Real, M: Streamed<T>>(
 #[cfg(test)]
 pub mod tests {
     use super::*;
+    use crate::blend::OVER;
 
     /// Every method that streams, with some parameters: between them they use every file of shaders.
     pub fn some_methods() -> Vec<Method> {
@@ -291,7 +294,7 @@ pub mod tests {
     /// A fragment at a depth; submitted in the order of an array.
     pub fn fragment(depth: u32, color: [f64; 4]) -> Fragment<f64> {
         let depth = f64::from(depth);
-        Fragment { color, depth, order: f64::entry(depth.orderable(), 0), primitive: 0 }
+        Fragment { color, depth, order: f64::entry(depth.orderable(), 0), primitive: 0, mode: OVER }
     }
 
     /// Over transparent black: the image, and what was left out.

@@ -1,10 +1,10 @@
-//! Unsorted blending: fragments are composited with `over` in the order of submission, as if painted. A baseline.
+//! Unsorted blending: fragments are composited in the order of submission, as if painted. A baseline.
 //!
 //! Exact where they come back to front. Two that are next to each other in depth and come the other way are off by
 //! ΔC = T_a α_a α_b (c_a − c_b), a being the one in front.
 
-use super::common::layer::Layer;
 use super::{Described, Fragment, Parameters, Place, Streamed};
+use crate::blend::Affine;
 use crate::real::Real;
 
 #[derive(Debug, Clone)]
@@ -16,24 +16,28 @@ impl Unsorted {
     }
 }
 
-impl Described for Unsorted {}
+impl Described for Unsorted {
+    fn common(&self) -> &'static [&'static str] {
+        &["blend/compose"]
+    }
+}
 
 impl<T: Real> Streamed<T> for Unsorted {
-    type State = Layer<T>;
+    type State = Affine<T>;
 
-    fn begin(&self, _: Place) -> Layer<T> {
-        Layer::clear()
+    fn begin(&self, _: Place) -> Affine<T> {
+        Affine::identity()
     }
 
-    fn turn(&self, _: &mut Layer<T>, pass: u32) -> bool {
+    fn turn(&self, _: &mut Affine<T>, pass: u32) -> bool {
         pass == 0
     }
 
-    fn insert(&self, painted: &mut Layer<T>, fragment: &Fragment<T>, _: u32) {
-        *painted = Layer::of(fragment.color).onto(*painted);
+    fn insert(&self, painted: &mut Affine<T>, fragment: &Fragment<T>, _: u32) {
+        *painted = Affine::of(fragment.mode, fragment.color).onto(*painted);
     }
 
-    fn end(&self, painted: &Layer<T>, behind: [T; 4]) -> [T; 4] {
+    fn end(&self, painted: &Affine<T>, behind: [T; 4]) -> [T; 4] {
         painted.over(behind)
     }
 }

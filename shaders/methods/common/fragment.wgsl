@@ -22,6 +22,8 @@ struct Fragment {
     // Smaller is in front; of equal ones the later primitive.
     key: u32,
     primitive: u32,
+    // Of `affine`: 0, over, but for methods that take modes.
+    mode: u32,
 }
 
 // Whose fragments these are.

@@ -343,7 +343,7 @@ fn stream(variant: &Variant, method: &Method) -> Result<Composed> {
     let file = format!("methods/{id}");
     let mut files = [&WALK[..], &["methods/common/fragment", "tiles/stream"], hidden, common].concat();
     if !matches!(method, Method::Own(_)) {
-        files.push(&file);
+        files.extend([variant.affine_file(), &file]);
     }
     let mut composed = text(variant, &files)?;
     composed.push(&constants, "parameters".into());
