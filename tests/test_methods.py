@@ -126,6 +126,25 @@ def test_lists_come_with_any_method(variant, needs_gpu):
         np.testing.assert_array_equal(frame.fragments.primitive, wanted.primitive)
 
 
+@pytest.mark.parametrize(
+    ("id", "device", "fragments", "apart"),
+    [
+        ("wboit", "cpu", True, False),
+        ("wboit", "cpu", "all", True),
+        ("wboit", "gpu", True, True),
+        ("wboit", "gpu", "count", False),
+        ("triangle_sorted", "cpu", True, True),
+        ("exact", "gpu", "all", False),
+    ],
+)
+def test_times_of_lists_that_are_rendered_by_themselves_say_so(id, device, fragments, apart, needs_gpu):
+    """Beside an image that opaque surfaces hide in, that is painted in another order, or that a GPU keeps no lists for."""
+    given = {**SIZE, "method": id, "device": device, "pipeline": "tiles"}
+    frame = ab.render(scene(True), CAMERA, **given, fragments=fragments)
+    assert any(stage.startswith("lists: ") for stage in frame.stats.ms) == apart
+    np.testing.assert_array_equal(frame.image, ab.render(scene(True), CAMERA, **given).image)
+
+
 @pytest.mark.parametrize("id", [id for id in METHODS if id != "exact"])
 def test_an_empty_pixel_shows_the_background(id, needs_gpu):
     background = (0.1, 0.2, 0.3, 0.5)

@@ -49,19 +49,28 @@ class Job:
 
     def output(self, upload=None):
         """What the core gives: of a GPU's `_core.Upload`, if there is one that has this scene."""
-        if self.how.method.sorts:
-            return self._painted(upload)
-        if self.how.method.id != "exact" and self.request["lists"] == "all":
-            image = replace(self, request=self.request | {"lists": "count"})._output(upload)
-            return self._beside_lists(image, upload)
-        return self._output(upload)
+        if not self._lists_are_apart():
+            return self._image(upload)
+        image = replace(self, request=self.request | {"lists": "count"})._image(upload)
+        # Of native forms, in tiles: their own rasteriser keeps no lists.
+        pipeline = "tiles" if self.request["pipeline"] == "hardware" else self.request["pipeline"]
+        exact = {"method": _methods.EXACT.parts(), "msaa_resolve": "per_pixel", "pipeline": pipeline}
+        request = self.request | exact
+        lists = replace(self, request=request, how=_methods.EXACT)._output(upload)
+        stats = image["stats"] | {name: lists["stats"][name] for name in ("fragments", "max_depth_complexity")}
+        stats["ms"] |= {f"lists: {stage}": ms for stage, ms in lists["stats"]["ms"].items()}
+        return lists | {"image": image["image"], "stats": stats}
 
-    def _beside_lists(self, output, upload):
-        """The lists of the scene as it is, beside an image that opaque surfaces hide in."""
-        request = self.request | {"method": _methods.EXACT.parts(), "msaa_resolve": "per_pixel"}
-        whole = replace(self, request=request, how=_methods.EXACT)._output(upload)
-        counted = {name: whole["stats"][name] for name in ("fragments", "max_depth_complexity")}
-        return whole | {"image": output["image"], "stats": output["stats"] | counted}
+    def _lists_are_apart(self):
+        """Whether the lists are rendered by `exact`, beside an image that comes without them."""
+        method = self.how.method
+        if method.id == "exact" or self.request["lists"] in ("none", "count"):
+            return False
+        # What is listed hides in the image; or is submitted in another order; or a GPU holds the method's state alone.
+        return self.request["lists"] == "all" or method.sorts is not None or self.adapter is not None
+
+    def _image(self, upload):
+        return self._painted() if self.how.method.sorts else self._output(upload)
 
     def _output(self, upload):
         if self.adapter is not None:
@@ -72,17 +81,13 @@ class Job:
             return render_by_layers(self.parts, self.view, self.request, self.behind, self.dtype, self.own, self.how)
         return _core.render_cpu(self.parts, self.view, self.request, self.behind, self.dtype == np.float64)
 
-    def _painted(self, upload):
-        """The same triangles, submitted in another order; lists and counts are those of the scene as it is."""
+    def _painted(self):
+        """The same triangles, submitted in another order."""
         meshes = [mesh for mesh in self.scene.meshes if mesh.face_count]
         what, key = self.how.method.sorts, self.how.parameters["key"]
         self.plan.append(("painted", f"{what} by {key}", "the farthest first, all pixels in one order"))
         parts = [mesh._parts(()) for mesh in painter.in_order(meshes, self.camera, what, key)]
-        lists = "none" if self.request["lists"] == "none" else "count"
-        output = replace(self, parts=parts, request=self.request | {"lists": lists})._output(None)
-        if self.request["lists"] in ("translucent", "all"):
-            return self._beside_lists(output, upload)
-        return output
+        return replace(self, parts=parts)._output(None)
 
     def _on_gpu(self, upload):
         try:

@@ -33,14 +33,13 @@ mod view;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::fragments::Background;
-use crate::frame::{Lists, Output, Rasteriser, Request};
-use crate::methods::Method;
+use crate::frame::{Output, Rasteriser, Request};
 use crate::scene::Scene;
 
 pub use kept::Kept;
 pub use tiles::{Begun, Times, begin, measure};
 
-/// Renders with the pipeline that is asked for. `kept` is of this scene.
+/// Renders with the pipeline that is asked for. `kept` is of this scene. Methods other than exact leave no lists.
 pub fn render(
     kept: &mut Kept,
     scene: &Scene,
@@ -49,40 +48,13 @@ pub fn render(
     background: Background<f32>,
 ) -> Result<Output<f32>> {
     if !request.method.is_exact() {
-        return streamed(kept, scene, camera, request, background);
+        return match request.lists_on_gpu.rasteriser {
+            Rasteriser::Tiles => tiles::stream(kept, scene, camera, request, &background),
+            Rasteriser::Hardware => hardware::render(kept, scene, camera, request, &background),
+        };
     }
     match tiles::render(kept, scene, camera, request, &background)? {
         Some(output) => Ok(output),
         None => linked_list::render(kept, scene, camera, request, background),
     }
-}
-
-/// Another method's image, and the lists that are asked for beside it.
-fn streamed(
-    kept: &mut Kept,
-    scene: &Scene,
-    camera: &Camera,
-    request: &Request,
-    background: Background<f32>,
-) -> Result<Output<f32>> {
-    let mut output = match request.lists_on_gpu.rasteriser {
-        Rasteriser::Tiles => tiles::stream(kept, scene, camera, request, &background)?,
-        Rasteriser::Hardware => hardware::render(kept, scene, camera, request, &background)?,
-    };
-    match request.lists {
-        Lists::None => output.counts = None,
-        Lists::Count => {}
-        Lists::Translucent | Lists::All => {
-            let exact = Request { method: Method::Exact, ..request.in_tiles() };
-            let lists = render(kept, scene, camera, &exact, background)?;
-            lists
-                .stats
-                .ms
-                .into_iter()
-                .for_each(|(stage, ms)| output.stats.add(format!("lists: {stage}"), ms));
-            (output.background, output.fragments) = (lists.background, lists.fragments);
-            output.counts = lists.counts;
-        }
-    }
-    Ok(output)
 }

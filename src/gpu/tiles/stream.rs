@@ -10,7 +10,7 @@ use super::walk::{Walker, walk_trips};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::fragments::Background;
-use crate::frame::{Output, Request, Stats};
+use crate::frame::{Lists, Output, Request, Stats};
 use crate::gpu::buffers::{bind, storage, with_contents};
 use crate::gpu::kept::Kept;
 use crate::gpu::plan;
@@ -133,7 +133,8 @@ pub fn render(
     stats.bytes = walker.bytes();
     stats.bytes.push(("image band", (16 * each + 4) * u64::from(width) * u64::from(rows.min(height))));
     walker.leave(kept, &variant);
-    Ok(Output { image, counts: Some(counts), background: None, fragments: None, stats })
+    let counts = (request.lists != Lists::None).then_some(counts);
+    Ok(Output { image, counts, background: None, fragments: None, stats })
 }
 
 /// Rows of pixels of each dispatch: those of a band of bins, cut where an image has no room.
