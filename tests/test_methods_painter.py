@@ -64,13 +64,72 @@ def test_no_order_paints_a_cycle(method, key):
     assert wrong.sum() >= meet.sum() / 3 - 12
 
 
-def test_a_depth_of_its_middle_says_too_little_of_a_long_triangle():
-    """It begins behind a small one and ends far in front of the eye's other side; by its farthest vertex it is painted right."""
-    long = ab.Mesh([[-0.9, -0.2, -0.5], [0.9, 0.0, 3.5], [-0.9, 0.2, -0.5]], colors=RED)
-    small = ab.Mesh([[-0.9, -0.2, 0.3], [-0.6, 0.0, 0.3], [-0.9, 0.2, 0.3]], colors=GREEN)
-    assert off([small, long], "triangle_sorted", key="centroid").max() > 0.2
-    assert off([small, long], "triangle_sorted", key="nearest").max() > 0.2
-    assert off([small, long], "triangle_sorted", key="farthest").max() < 1e-15
+def assert_wrong(wrong, area, perimeter):
+    """What is off has an area in world units, give or take the pixels along its edges."""
+    pixel = 2 / N
+    measured = (wrong > 1e-12).sum() * pixel**2
+    assert abs(measured - area) <= perimeter * pixel, f"{measured:.4g} are wrong, not {area:.4g}"
+
+
+def rectangle(x, y, z, color):
+    corners = [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]]
+    return ab.Mesh(corners, [[0, 1, 2], [0, 2, 3]], colors=color)
+
+
+def joined(*meshes):
+    """One object of several, whose triangles come in their order."""
+    colors = np.concatenate([np.broadcast_to(mesh.colors, (mesh.face_count, 4)) for mesh in meshes])
+    return ab.Mesh(np.concatenate([mesh.triangles() for mesh in meshes]), colors=colors)
+
+
+@pytest.mark.parametrize(("key", "is_wrong"), [("centroid", True), ("nearest", True), ("farthest", False)])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_depth_of_its_own_says_too_little_of_a_long_triangle(method, key, is_wrong):
+    """It runs far to the front beside a small one that it is behind: all of the small one is wrong. An order that is right
+    there is, and the farthest vertices have it."""
+    long = ab.Mesh([[-1, -0.9, -1], [1, 0, 3], [-1, 0.9, -1]], colors=RED)  # z = 2 x + 1
+    small = ab.Mesh([[-0.95, -0.6, 0.2], [-0.45, 0, 0.2], [-0.95, 0.6, 0.2]], colors=GREEN)
+    for meshes in ([small, long], [long, small]):
+        wrong = off(meshes, method, key=key)
+        if is_wrong:
+            assert_wrong(wrong, area=0.5 * 1.2 / 2, perimeter=1.2 + 2 * np.hypot(0.5, 0.6))
+            np.testing.assert_allclose(wrong[wrong > 1e-12], 0.25)  # α_A α_B (c_A − c_B)
+        else:
+            assert wrong.max() < 1e-15
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_objects_within_others_are_wrong_wherever_both_are_seen(key):
+    """Front and back of a box around those of another: no order of the two objects is right, one of triangles is."""
+    outer, inner = (
+        joined(*(rectangle((-r, r), (-r, r), z, color) for z in (-r, r))) for r, color in ((0.8, RED), (0.4, GREEN))
+    )
+    for meshes in ([outer, inner], [inner, outer]):
+        assert_wrong(off(meshes, "object_sorted", key=key), area=0.8**2, perimeter=4 * 0.8)
+        assert off(meshes, "triangle_sorted", key=key).max() < 1e-15
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_an_object_that_reaches_around_another_is_wrong_on_one_side_of_it(key):
+    """A step whose left half is in front of a square and its right half behind: half of the square, whatever the order."""
+    step = joined(rectangle((-0.8, 0), (-0.8, 0.8), 0.5, RED), rectangle((0, 0.8), (-0.8, 0.8), -0.5, RED))
+    square = rectangle((-0.6, 0.6), (-0.6, 0.6), 0, GREEN)
+    for meshes in ([step, square], [square, step]):
+        wrong = off(meshes, "object_sorted", key=key)
+        assert_wrong(wrong, area=0.6 * 1.2, perimeter=2 * (0.6 + 1.2))
+        left, right = (wrong[:, : N // 2] > 1e-12).any(), (wrong[:, N // 2 :] > 1e-12).any()
+        assert left != right
+        assert off(meshes, "triangle_sorted", key=key).max() < 1e-15
+
+
+def test_within_an_object_triangles_are_painted_as_they_were_submitted():
+    """Of a shell the front before the back: all of it is wrong. The other way none is."""
+    front, back = (rectangle((-0.8, 0.8), (-0.5, 0.5), z, color) for z, color in ((0.5, RED), (-0.5, GREEN)))
+    wrong = off([joined(front, back)], "object_sorted")
+    assert_wrong(wrong, area=1.6 * 1.0, perimeter=2 * (1.6 + 1.0))
+    np.testing.assert_allclose(wrong[wrong > 1e-12], 0.25)
+    assert off([joined(back, front)], "object_sorted").max() < 1e-15
+    assert off([joined(front, back)], "triangle_sorted").max() < 1e-15
 
 
 def shells():
@@ -87,11 +146,27 @@ def test_nested_objects_cannot_be_painted_one_after_the_other_and_their_triangle
     assert wrong["triangle_sorted"][covered].mean() < 0.02
 
 
-def test_equal_depths_are_painted_as_they_were_submitted():
-    coplanar = [plane(0, RED), plane(0, GREEN)]
-    for method in METHODS:
-        assert off(coplanar, method).max() < 1e-15
-        assert off(coplanar[::-1], method).max() < 1e-15
+@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("method", METHODS)
+def test_equal_depths_are_painted_as_they_were_submitted(method, key):
+    """The later is in front, as everywhere: nothing is wrong, where another order would be all over their overlap."""
+    first, second = (rectangle(span, span, 0, color) for span, color in (((-0.8, 0.4), RED), ((-0.4, 0.8), GREEN)))
+    for coplanar in ([first, second], [second, first]):
+        assert off(coplanar, method, key=key).max() < 1e-15
+    exact, swapped = (ab.render(meshes, CAMERA, **SIZE).image for meshes in ([first, second], [second, first]))
+    assert_wrong(np.abs(exact - swapped).max(axis=-1), area=0.8**2, perimeter=4 * 0.8)
+
+
+@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("method", METHODS)
+def test_triangles_of_one_plane_stay_in_their_order(method, key):
+    """Some tens in each of three planes, one over the other: a sort that is not stable would tear them out of it."""
+    rng = np.random.default_rng(8)
+    corners, colors = rng.uniform(-1, 1, (90, 3, 3)), rng.uniform(0.2, 0.8, (90, 4))
+    corners[..., 2] = rng.choice([-0.5, 0.0, 0.5], (90, 1))
+    meshes = [ab.Mesh(triangle, colors=color) for triangle, color in zip(corners, colors, strict=True)]
+    # Two composites of up to 90 layers, from either end.
+    assert off(meshes, method, key=key).max() < 1e-13
 
 
 @pytest.mark.parametrize("device", ["cpu", "gpu"])
