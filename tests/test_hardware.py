@@ -265,3 +265,11 @@ def test_a_device_without_blending_of_floats_is_told():
 def test_a_native_form_is_a_file_of_the_methods_name():
     files = {path.stem for path in (Path(__file__).parents[1] / "shaders" / "hardware").glob("*.wgsl")}
     assert {id for id in NATIVE if not METHODS[id].sorts} == files & set(METHODS)
+
+
+def test_modes_are_for_tiles():
+    glow = ab.Mesh(scene()[0].positions, colors=scene()[0].colors, blend="additive", color_mode="face")
+    with pytest.raises(
+        ParameterError, match='pipeline "hardware" is for blend="over" alone, and there is \'additive\''
+    ):
+        ab.render(glow, CAMERA, **SIZE, method="depth_peeling", device="gpu", pipeline="hardware")

@@ -92,7 +92,7 @@ fn fragment_of(v: Varyings, is_front: bool) -> Fragment {
     }
     // Interpolation may round past what corners have.
     let color = vec4f(max(v.color.rgb, vec3f(0.0)), clamp(v.color.a, 0.0, 1.0));
-    return Fragment(color, v.depth, sort_key(value), v.primitive);
+    return Fragment(color, v.depth, sort_key(value), v.primitive, 0u);
 }
 
 @fragment

@@ -9,9 +9,9 @@ struct First {
 }
 
 fn first(s: State) -> First {
-    return First(s.painted.rgba, vec4f(0.0, 0.0, 0.0, s.painted.rgba.a));
+    return First(s.painted.a, vec4f(0.0, 0.0, 0.0, s.painted.a.a));
 }
 
 fn seen_all(pixel: vec2u) -> State {
-    return State(Layer(textureLoad(colors_painted, pixel, 0), textureLoad(transmittances, pixel, 0).r));
+    return State(Affine(textureLoad(colors_painted, pixel, 0), textureLoad(transmittances, pixel, 0).r));
 }

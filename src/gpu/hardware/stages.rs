@@ -206,8 +206,11 @@ fn native(For { variant, method, features }: For) -> Result<Composed> {
     let prelude = variant.prelude(1, 0) + &format!("const CULLS = {culls};\nconst CUTS_OUT = {cuts_out};\n");
     let own = format!("methods/{}", method.id());
     let mut all = vec!["common", "exact", "tiles/triangle", "tiles/scene", "methods/common/fragment"];
-    all.extend(["hardware/raster", "hardware/screen", "hardware/coverage"]);
-    all.extend(method.common());
+    all.extend(["hardware/raster", "hardware/screen", "hardware/coverage", variant.affine_file()]);
+    // Which some methods have anyway.
+    const LAYER: &str = "methods/common/layer";
+    all.push(LAYER);
+    all.extend(method.common().iter().filter(|&&file| file != LAYER));
     all.push(&own);
     all.extend(files(method));
     let mut composed = Composed::new(prelude, &all)?;
