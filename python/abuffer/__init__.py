@@ -1,6 +1,6 @@
 """Exact order-independent transparency, with the per-pixel fragment lists behind the image."""
 
-from . import _core, testing
+from . import _core, scenes, testing
 from ._methods import Parameter as MethodParameter
 from .blend import BLENDS, Blend
 from .camera import Camera
@@ -45,6 +45,7 @@ __all__ = [
     "register_method",
     "render",
     "render_triangles",
+    "scenes",
     "testing",
 ]
 __version__ = _core.VERSION
