@@ -22,8 +22,10 @@ ROOT = Path(__file__).parents[1]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
 # Pages whose examples run.
 CONVENTIONS, LISTS, BLENDING = DOCS / "conventions.md", DOCS / "lists.md", DOCS / "blending.md"
-ADDING = DOCS / "adding-a-method.md"
-PAGES = pytest.mark.parametrize("page", [README, CONVENTIONS, LISTS, BLENDING, ADDING], ids=lambda page: page.stem)
+ADDING, SCENES = DOCS / "adding-a-method.md", DOCS / "scenes.md"
+PAGES = pytest.mark.parametrize(
+    "page", [README, CONVENTIONS, LISTS, BLENDING, ADDING, SCENES], ids=lambda page: page.stem
+)
 
 
 def blocks(page):

@@ -4,7 +4,9 @@ import hashlib
 import importlib.util
 import inspect
 import itertools
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import pytest
 import abuffer as ab
 from abuffer.own_methods import BUILT_IN
 
+DOCS = Path(__file__).parents[1] / "docs"
 SUITE = ab.scenes.suite("standard")
 MAKERS = [getattr(ab.scenes, name) for name in (*SUITE, "model")]
 EXACT = {"exact", "depth_peeling", "dual_depth_peeling"}
@@ -329,3 +332,25 @@ def test_without_the_package_that_has_the_file_the_error_says_what_to_install(mo
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ab.UnsupportedError, match="pip install --no-deps 'pymeshfix"):
         ab.scenes.model()
+
+
+# ---- the page ----
+
+PAGE = runpy.run_path(str(DOCS / "scenes.py"))
+
+
+def test_the_table_of_the_page_is_what_the_scenes_are():
+    """`python docs/scenes.py` writes it anew."""
+    text = (DOCS / "scenes.md").read_text(encoding="utf-8")
+    assert PAGE["refreshed"](text) == text
+    assert all(f"| `{name}` |" in text for name in SUITE)
+
+
+def test_the_picture_of_the_page_shows_what_is_rendered(model):
+    """`python docs/scenes.py` draws it anew."""
+    images = pytest.importorskip("PIL.Image")
+    drawn = np.asarray(images.open(DOCS / "scenes.png").convert("RGB"), int)
+    for i, s in enumerate([*SUITE.values(), model]):
+        left, top = PAGE["corner"](i)
+        there = drawn[top : top + PAGE["HEIGHT"], left : left + PAGE["WIDTH"]]
+        assert np.abs(there - PAGE["tile"](s)).max() <= 1, s.name
