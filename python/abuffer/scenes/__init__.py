@@ -62,7 +62,7 @@ class Suite(dict):
 
 
 def suite(name="standard") -> Suite:
-    """The scenes that images and numbers of papers are made of: all with their defaults, the same bits for everybody.
+    """The scenes that images and numbers of papers are made of: all with their defaults, the same triangles for everybody.
 
     `model` is not among them, since its file is another package's.
 
