@@ -105,6 +105,7 @@ def composite(variant, frags):
 
 def off_single(variant):
     depths, colors, order = random_stacks(1)
+    colors[::5, :, 3], colors[1::5, :, 3] = 0, 1
     frags = lists_of(depths, colors, order, BEHIND)
     return composite(variant, frags) - frags.composite()
 
@@ -114,6 +115,7 @@ def off_equal_colors(variant):
     for n in LENGTHS:
         depths, colors, order = random_stacks(n)
         colors[..., :3] = colors[:, :1, :3]
+        colors[::4, n // 2, 3] = 1
         frags = lists_of(depths, colors, order, BEHIND)
         errors.append(composite(variant, frags) - frags.composite())
     return np.concatenate(errors)
@@ -145,8 +147,10 @@ def off_exact_coverage(variant):
     errors = []
     for n in LENGTHS:
         depths, colors, order = random_stacks(n, alpha=0.9)
+        colors[::4, n // 2, 3] = 1
         image = composite(variant, lists_of(depths, colors, order))
-        errors.append(image[0, :, 3] + np.expm1(np.log1p(-colors[..., 3]).sum(axis=1)))
+        with np.errstate(divide="ignore"):
+            errors.append(image[0, :, 3] + np.expm1(np.log1p(-colors[..., 3]).sum(axis=1)))
     return np.concatenate(errors)
 
 

@@ -190,10 +190,18 @@ def test_a_range_of_one_depth_gives_the_mean_colour(variant):
 
 
 @PAPERS
-def test_an_opaque_layer_lets_a_hundred_thousandth_through(variant):
+def test_an_opaque_layer_lets_nothing_of_the_background_through(variant):
+    """Its absorbance is bounded where it weighs colours, and what is behind it is as well hidden as by alpha 0.99999."""
     id, options = variant
     frags = methods.lists_of([[0, 1]], [[(1, 0, 0, 1), (0, 1, 0, 0)]], background=(0, 0, 1, 1))
-    np.testing.assert_allclose(frags.composite(id, **options, **UNIT)[0, 0], (1 - 1e-5, 0, 1e-5, 1), atol=1e-12)
+    np.testing.assert_array_equal(frags.composite(id, **options, **UNIT)[0, 0], (1, 0, 0, 1))
+    two = [
+        methods.lists_of([[0, 1]], [[(1, 0, 0, alpha), (0, 1, 0, 0.5)]], background=(0, 0, 1, 1))
+        for alpha in (1, 1 - 1e-5)
+    ]
+    (one, almost) = (frags.composite(id, **options, **UNIT)[0, 0] for frags in two)
+    assert one[2] == 0 and almost[2] == pytest.approx(5e-6)
+    assert one[1] / one[0] == pytest.approx(almost[1] / almost[0], rel=2e-5)  # α, that of the colour itself
 
 
 @PAPERS

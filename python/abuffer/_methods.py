@@ -359,7 +359,7 @@ ALL = (
         passes=lambda rank: 2,
         # 2 ** (rank + 1) coefficients, then Σ Tαc and Σ Tα.
         bytes_per_pixel=lambda rank: 4 * 2 ** (rank + 1) + 16,
-        exact_when="one fragment, or all colours of a pixel equal, with alphas up to 0.99999",
+        exact_when="one fragment, or all colours of a pixel equal",
         flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
         parameters=(Parameter("rank", 3, "the finest level of wavelets: 2^(rank + 1) coefficients", low=1, high=5),),
         takes_range=True,
@@ -372,7 +372,7 @@ ALL = (
         passes=lambda terms: 2,
         # One coefficient and a pair a term, then Σ Tαc and Σ Tα.
         bytes_per_pixel=lambda terms: 4 * (1 + 2 * terms) + 16,
-        exact_when="one fragment, or all colours of a pixel equal, with alphas up to 0.99999",
+        exact_when="one fragment, or all colours of a pixel equal",
         flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
         parameters=(Parameter("terms", 3, "pairs of a cosine and a sine", low=1, high=16),),
         takes_range=True,

@@ -78,7 +78,7 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
 }
 
 fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    return layer_over(shade_layer((*s).shade, (*s).total), behind);
+    return layer_over(shade_layer((*s).shade), behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

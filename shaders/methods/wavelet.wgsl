@@ -4,7 +4,6 @@
 var<private> coefficients: array<f32, CELLS>;
 
 struct State {
-    total: f32,
     shade: Shade,
 }
 
@@ -47,7 +46,7 @@ fn absorbance_in_front(place: f32) -> f32 {
 
 fn begin(place: Place) -> State {
     coefficients = array<f32, CELLS>();
-    return State(0.0, shade_none());
+    return State(shade_none());
 }
 
 fn turn(s: ptr<private, State>, pass_index: u32) -> bool {
@@ -60,13 +59,11 @@ fn insert(s: ptr<private, State>, fragment: Fragment, pass_index: u32) {
         (*s).shade = shade_add((*s).shade, fragment.color, absorbance_in_front(place));
         return;
     }
-    let a = bounded_absorbance(fragment.color.a);
-    project(place, a);
-    (*s).total += a;
+    project(place, bounded_absorbance(fragment.color.a));
 }
 
 fn end(s: ptr<private, State>, behind: vec4f) -> vec4f {
-    return layer_over(shade_layer((*s).shade, (*s).total), behind);
+    return layer_over(shade_layer((*s).shade), behind);
 }
 
 fn left_out(s: ptr<private, State>, count: u32) -> u32 {

@@ -89,7 +89,7 @@ impl<T: Real> Streamed<T> for Fourier {
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
-        state.shade.layer(state.total).over(behind)
+        state.shade.layer().over(behind)
     }
 }
 

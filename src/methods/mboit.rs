@@ -1,15 +1,16 @@
 //! Moment-based order-independent transparency (Münstermann, Krumpen, Klein and Peters 2018).
 //!
 //! A first pass sums absorbances aᵢ = −ln(1 − αᵢ) and their moments over depth. From these a second one reconstructs how
-//! much absorbance A(ζ) is in front of each fragment, and sums colours weighted by T = e^{−A}: C = (1 − e^{−b₀})
-//! Σ α T c / Σ α T + e^{−b₀} B, with b₀ = Σ aᵢ, so that coverage is exact. A(ζ) lies between two bounds, `beta` from the
-//! lower to the upper. The moments are power moments (common/power_moments.rs) or trigonometric ones
+//! much absorbance F(ζ) is in front of each fragment, and sums colours weighted by T = e^{−F}: C = A Σ α T c / Σ α T
+//! + (1 − A) B, with the exact coverage A = 1 − Π (1 − αᵢ). F(ζ) lies between two bounds, `beta` from the lower to the
+//! upper. The moments are power moments (common/power_moments.rs) or trigonometric ones
 //! (common/trigonometric_moments.rs). Exact, up to the bias λ, where beta is 0 and a pixel has no more than one depth more
 //! than half the moments: these, the fragment's among them, are then the representation that is looked for.
 //!
-//! The published code leaves out pixels of b₀ under 0.001 and stops a at 10; here a stops at −ln 2⁻²⁴, that of the float
-//! next to 1, and no pixel is left out: normalised moments are as good for thin ones. It weighs with T itself, which is 0
-//! for all fragments of a pixel that is dense enough; here the greatest T of those met so far is divided out.
+//! The published code leaves out pixels of b₀ = Σ aᵢ under 0.001 and stops a at 10, and takes 1 − e^{−b₀} as coverage;
+//! here a stops at −ln 2⁻²⁴, that of the float next to 1, in the moments alone, and no pixel is left out: normalised
+//! moments are as good for thin ones. It weighs with T itself, which is 0 for all fragments of a pixel that is dense
+//! enough; here the greatest T of those met so far is divided out.
 
 use super::common::absorbance::absorbance;
 use super::common::depth::depth_in_range;
@@ -183,7 +184,7 @@ impl<T: Real> Streamed<T> for Mboit {
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
-        state.shade.layer(state.moments.total()).over(behind)
+        state.shade.layer().over(behind)
     }
 }
 
@@ -212,9 +213,8 @@ mod tests {
     }
 
     #[test]
-    fn alpha_1_stops_at_that_of_float32_and_dense_pixels_keep_a_color() {
-        let (image, _) = run(&of(2, false, 0.25), &[fragment(1, [1.0; 4])]);
-        assert!((image[3] - (1.0 - 2.0_f64.powi(-24))).abs() < 1e-12);
+    fn alpha_1_covers_all_and_dense_pixels_keep_a_color() {
+        assert_eq!(run(&of(2, false, 0.25), &[fragment(1, [1.0; 4])]).0, [1.0; 4]);
         let dense: Vec<_> = (0..3000).map(|i| fragment(i % 4 + 1, [0.5, 0.25, 1.0, 1.0])).collect();
         assert_eq!(run(&of(4, false, 1.0), &dense).0, [0.5, 0.25, 1.0, 1.0]);
         assert_eq!(run(&of(2, true, 0.25), &[fragment(1, [1.0, 1.0, 1.0, 0.0])]).0, [0.0; 4]);

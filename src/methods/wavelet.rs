@@ -27,7 +27,6 @@ pub struct Wavelet {
 pub struct State<T> {
     /// s, then 2^(j/2) d_jk at 2^j + k: so scaled the powers of 2^(j/2) cancel.
     coefficients: [T; MOST_CELLS],
-    total: T,
     shade: Shade<T>,
 }
 
@@ -98,7 +97,7 @@ impl<T: Real> Streamed<T> for Wavelet {
     type State = State<T>;
 
     fn begin(&self, _: Place) -> State<T> {
-        State { coefficients: [T::ZERO; MOST_CELLS], total: T::ZERO, shade: Shade::none() }
+        State { coefficients: [T::ZERO; MOST_CELLS], shade: Shade::none() }
     }
 
     fn turn(&self, _: &mut State<T>, pass: u32) -> bool {
@@ -111,13 +110,11 @@ impl<T: Real> Streamed<T> for Wavelet {
             state.shade.add(fragment.color, self.in_front(&state.coefficients, place));
             return;
         }
-        let absorbance = bounded_absorbance(fragment.color[3]);
-        self.project(&mut state.coefficients, place, absorbance);
-        state.total = state.total + absorbance;
+        self.project(&mut state.coefficients, place, bounded_absorbance(fragment.color[3]));
     }
 
     fn end(&self, state: &State<T>, behind: [T; 4]) -> [T; 4] {
-        state.shade.layer(state.total).over(behind)
+        state.shade.layer().over(behind)
     }
 }
 

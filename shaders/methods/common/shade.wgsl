@@ -14,10 +14,11 @@ struct Shade {
     // opaque layers are 0.
     sum: vec4f,
     least: f32,
+    coverage: Coverage,
 }
 
 fn shade_none() -> Shade {
-    return Shade(vec4f(0.0), 0.0);
+    return Shade(vec4f(0.0), 0.0, coverage_none());
 }
 
 // A fragment, straight, behind an absorbance.
@@ -29,10 +30,10 @@ fn shade_add(shade: Shade, color: vec4f, in_front_of_it: f32) -> Shade {
         least = in_front_of_it;
     }
     let weight = color.a * exp(least - in_front_of_it);
-    return Shade(sum + vec4f(weight * color.rgb, weight), least);
+    return Shade(sum + vec4f(weight * color.rgb, weight), least, coverage_add(shade.coverage, color.a));
 }
 
-// All of them as one layer of this absorbance.
-fn shade_layer(shade: Shade, total: f32) -> Layer {
-    return coverage_of_mean(Coverage(opacity(total), transmittance_of(total)), shade.sum);
+// All of them as one layer.
+fn shade_layer(shade: Shade) -> Layer {
+    return coverage_of_mean(shade.coverage, shade.sum);
 }

@@ -1,8 +1,9 @@
 //! What methods share that first approximate F, the absorbance in front of each depth, and then shade by it:
-//! C = (1 − e^−b₀) Σ e^−F(zᵢ) αᵢ cᵢ / Σ e^−F(zᵢ) αᵢ + e^−b₀ B, with b₀ the absorbance of all (Münstermann, Krumpen,
-//! Klein and Peters 2018, whose pass 2 and resolve these are).
+//! C = A Σ e^−F(zᵢ) αᵢ cᵢ / Σ e^−F(zᵢ) αᵢ + (1 − A) B (Münstermann, Krumpen, Klein and Peters 2018, whose pass 2 and
+//! resolve these are). They have A = 1 − e^−b₀, with b₀ the absorbance of all; here it is 1 − Π (1 − αᵢ), which is the same
+//! where no absorbance is bounded, and exact where one is.
 
-use super::absorbance::{absorbance, opacity, transmittance};
+use super::absorbance::absorbance;
 use super::layer::{Coverage, Layer, add_weighted};
 use crate::real::Real;
 
@@ -21,11 +22,12 @@ pub struct Shade<T> {
     /// opaque layers are 0.
     sum: [T; 4],
     least: T,
+    coverage: Coverage<T>,
 }
 
 impl<T: Real> Shade<T> {
     pub fn none() -> Self {
-        Self { sum: [T::ZERO; 4], least: T::ZERO }
+        Self { sum: [T::ZERO; 4], least: T::ZERO, coverage: Coverage::none() }
     }
 
     /// A fragment, straight, behind an absorbance.
@@ -38,11 +40,12 @@ impl<T: Real> Shade<T> {
         }
         let weight = a * (self.least - in_front).exp();
         self.sum = add_weighted(self.sum, weight, [r, g, b]);
+        self.coverage.add(a);
     }
 
-    /// All of them as one layer of this absorbance.
-    pub fn layer(self, total: T) -> Layer<T> {
-        Coverage { alpha: opacity(total), transmittance: transmittance(total) }.of_mean(self.sum)
+    /// All of them as one layer.
+    pub fn layer(self) -> Layer<T> {
+        self.coverage.of_mean(self.sum)
     }
 }
 
@@ -52,16 +55,16 @@ mod tests {
 
     #[test]
     fn weights_are_ratios_in_any_order_and_far_below_what_a_float_holds() {
-        let (red, green) = ([1.0_f32, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5]);
+        let (red, green) = ([1.0_f32, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]);
         let wanted = 1.0 / (1.0 + (-1.0_f32).exp());
         for base in [0.0, 5000.0] {
             for order in [[(red, base), (green, base + 1.0)], [(green, base + 1.0), (red, base)]] {
                 let mut shade = Shade::none();
                 order.into_iter().for_each(|(color, in_front)| shade.add(color, in_front));
-                let [r, g, b, a] = shade.layer(200.0).rgba;
+                let [r, g, b, a] = shade.layer().rgba;
                 assert!((r - wanted).abs() < 1e-6 && (r + g - 1.0).abs() < 1e-6 && (b, a) == (0.0, 1.0));
             }
         }
-        assert_eq!(Shade::<f32>::none().layer(0.0).over([1.0; 4]), [1.0; 4]);
+        assert_eq!(Shade::<f32>::none().layer().over([1.0; 4]), [1.0; 4]);
     }
 }
