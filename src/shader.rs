@@ -93,6 +93,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "methods/dual_depth_peeling",
     "methods/common/depth",
     "methods/common/shade",
+    "methods/common/interpolation",
     "methods/common/roots",
     "methods/common/power_moments",
     "methods/common/trigonometric_moments",

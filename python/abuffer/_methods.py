@@ -407,7 +407,8 @@ ALL = (
         order="any",
         passes=lambda moments, trigonometric, beta: 2,
         bytes_per_pixel=lambda moments, trigonometric, beta: 4 * (1 + moments) + 16,
-        exact_when="beta is 0 and a pixel has at most moments / 2 + 1 depths, well apart: up to a bias under 5e-5",
+        exact_when="beta is 0 and a pixel has at most moments / 2 + 1 depths, spread over the range: up to a bias and roundings "
+        "under 5e-5, in float32 too",
         flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
         parameters=(
             Parameter("moments", 4, "moments of a pixel; of complex ones, the real and imaginary parts", (4, 6, 8)),

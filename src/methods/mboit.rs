@@ -14,6 +14,7 @@
 
 use super::common::absorbance::absorbance;
 use super::common::depth::depth_in_range;
+use super::common::interpolation::LEAST_RUN;
 use super::common::power_moments::{self, LEAST_PIVOT, PowerMoments};
 use super::common::roots;
 use super::common::shade::Shade;
@@ -101,6 +102,7 @@ impl Described for Mboit {
         let mut constants = vec![
             ("HALF", format!("{}u", self.half)),
             ("LEAST_PIVOT", format!("{LEAST_PIVOT:?}")),
+            ("LEAST_RUN", format!("{LEAST_RUN:?}")),
             ("FAR_ROOT", format!("{:?}", roots::FAR)),
             ("ROOT_STEPS", format!("{}u", roots::STEPS)),
             ("MOST_ABSORBANCE", format!("{MOST_ABSORBANCE:?}")),
@@ -127,6 +129,7 @@ impl Described for Mboit {
                 "methods/common/depth",
                 "methods/common/shade",
                 "methods/common/roots",
+                "methods/common/interpolation",
                 "methods/common/trigonometric_moments",
             ]
         } else {
@@ -136,6 +139,7 @@ impl Described for Mboit {
                 "methods/common/depth",
                 "methods/common/shade",
                 "methods/common/roots",
+                "methods/common/interpolation",
                 "methods/common/power_moments",
             ]
         }

@@ -12,6 +12,7 @@ struct Moments {
 }
 
 // B = L D Lᵀ: L by rows from the second on, without the diagonal, which is 1, and the inverses of D from the second on.
+// The first column of L is that of B.
 struct Factors {
     row1: f32,
     row2: vec2f,
@@ -83,13 +84,12 @@ fn orthogonal(f: Factors, x: f32) -> vec4f {
     return vec4f(y1, y2, y3, y4);
 }
 
-// The Christoffel number of a depth.
-fn share(f: Factors, y: vec4f) -> f32 {
-    return 1.0 / (1.0 + dot(y * y, f.inverses));
+fn add_root(depth: f32, x: f32) {
+    nodes_add(real(clamp(x, -FAR_DEPTH, FAR_DEPTH)), select(0.0, 1.0, x < depth));
 }
 
-fn share_at(f: Factors, x: f32) -> f32 {
-    return share(f, orthogonal(f, clamp(x, -FAR_DEPTH, FAR_DEPTH)));
+fn real(x: f32) -> vec2f {
+    return vec2f(x, 0.0);
 }
 
 // How much of the whole is in front of a depth: `beta` is 0 for the least, 1 for the most that it may be.
@@ -108,14 +108,14 @@ fn share_before(f: Factors, depth: f32, beta: f32) -> f32 {
         q = Polynomial(vec4f(q4, q3, q2, q1), q0);
     }
     let x = real_roots(q);
-    var before = beta * share(f, y);
-    before += select(0.0, share_at(f, x.x), x.x < depth);
-    before += select(0.0, share_at(f, x.y), x.y < depth);
+    nodes_begin();
+    add_root(depth, x.x);
+    add_root(depth, x.y);
     if HALF > 2u {
-        before += select(0.0, share_at(f, x.z), x.z < depth);
+        add_root(depth, x.z);
     }
     if HALF > 3u {
-        before += select(0.0, share_at(f, x.w), x.w < depth);
+        add_root(depth, x.w);
     }
-    return clamp(before, 0.0, 1.0);
+    return nodes_in_front(real(depth), beta, real(f.row1), real(f.row2.x), real(f.row3.x), real(f.row4.x));
 }

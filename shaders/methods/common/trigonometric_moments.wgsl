@@ -12,7 +12,8 @@ struct Moments {
     b4: vec2f,
 }
 
-// B = L D Lᴴ: L without the diagonal, which is 1, and the inverses of D from the second on.
+// B = L D Lᴴ: L without the diagonal, which is 1, and the inverses of D from the second on. The first column of L is that
+// of B.
 struct Factors {
     l10: vec2f,
     l20: vec2f,
@@ -25,14 +26,6 @@ struct Factors {
     l42: vec2f,
     l43: vec2f,
     inverses: vec4f,
-}
-
-fn times(a: vec2f, b: vec2f) -> vec2f {
-    return vec2f(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
-}
-
-fn conjugate(a: vec2f) -> vec2f {
-    return vec2f(a.x, -a.y);
 }
 
 // e^{iφ} of a depth. From φ − π, which is in the range where all devices have sines; brought back to length 1, which they
@@ -126,12 +119,6 @@ fn orthogonal(f: Factors, x: vec2f) -> Orthogonal {
     return Orthogonal(y1, y2, y3, y4);
 }
 
-// The Christoffel number of a point.
-fn share(f: Factors, y: Orthogonal) -> f32 {
-    let squares = vec4f(dot(y.y1, y.y1), dot(y.y2, y.y2), dot(y.y3, y.y3), dot(y.y4, y.y4));
-    return 1.0 / (1.0 + dot(squares, f.inverses));
-}
-
 // e^{i m (ψ − φ)/2} v(e^{iψ})ᴴ q, as a polynomial of t = tan((ψ − φ)/2) over (1 + t²)^{m/2}.
 fn polynomial_of(f: Factors, point: vec2f, y: Orthogonal) -> Polynomial {
     let q4 = y.y4 * f.inverses.w;
@@ -168,13 +155,13 @@ fn polynomial_of(f: Factors, point: vec2f, y: Orthogonal) -> Polynomial {
     return Polynomial(first, even + 2.0 * h1.x);
 }
 
-// What is at the root t, if it is in front. In the zone that rises from 0 to 1: what is there is neither far nor near.
-fn share_at(f: Factors, point: vec2f, own_place: f32, t: f32) -> f32 {
+// The root t. In the zone the part of it that is in front rises from 0 to 1: what is there is neither far nor near.
+fn add_root(point: vec2f, own_place: f32, t: f32) {
     let square = t * t;
     let turned = times(vec2f(1.0 - square, t + t) / (1.0 + square), point);
     let place = around(turned);
     let zone = clamp((place - ZONE_START) / (7.0 - ZONE_START), 0.0, 1.0);
-    return select(zone, 1.0, place < own_place) * share(f, orthogonal(f, turned));
+    nodes_add(turned, select(zone, 1.0, place < own_place));
 }
 
 // How much of the whole is in front of a depth: `beta` is 0 for the least, 1 for the most that it may be.
@@ -183,12 +170,14 @@ fn share_before(f: Factors, depth: f32, beta: f32) -> f32 {
     let y = orthogonal(f, point);
     let own_place = around(point);
     let t = real_roots(polynomial_of(f, point, y));
-    var before = beta * share(f, y) + share_at(f, point, own_place, t.x) + share_at(f, point, own_place, t.y);
+    nodes_begin();
+    add_root(point, own_place, t.x);
+    add_root(point, own_place, t.y);
     if HALF > 2u {
-        before += share_at(f, point, own_place, t.z);
+        add_root(point, own_place, t.z);
     }
     if HALF > 3u {
-        before += share_at(f, point, own_place, t.w);
+        add_root(point, own_place, t.w);
     }
-    return clamp(before, 0.0, 1.0);
+    return nodes_in_front(point, beta, f.l10, f.l20, f.l30, f.l40);
 }

@@ -1,7 +1,9 @@
 //! What several methods need, and the methods of users.
 
 pub mod absorbance;
+pub mod complex;
 pub mod depth;
+pub mod interpolation;
 pub mod layer;
 pub mod nearest;
 pub mod own;

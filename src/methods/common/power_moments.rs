@@ -3,11 +3,11 @@
 //!
 //! Moments normalised by b₀ and biased, b ← (1 − λ) b + λ b*, make a Hankel matrix B. Of all distributions with these
 //! moments one has m + 1 depths, ζ itself among them (its canonical representation). The others are the roots of q, with
-//! B q = (1, ζ, …, ζᵐ)ᵀ. At each of them is 1 / v(x)ᵀ B⁻¹ v(x) of the whole, its Christoffel number: what is in front of
-//! ζ is at least what is at roots in front, and at most that and what is at ζ. The paper has the same sum as the moments'
-//! product with a polynomial through f(x) at these depths; Christoffel numbers need no differences of depths, and are
-//! never negative.
+//! B q = (1, ζ, …, ζᵐ)ᵀ. What is in front of ζ is at least what is at roots in front, and at most that and what is at ζ
+//! (interpolation.rs).
 
+use super::complex::Complex;
+use super::interpolation::Nodes;
 use super::roots::{Polynomial, real_roots};
 use crate::real::Real;
 
@@ -31,7 +31,7 @@ pub struct PowerMoments<T> {
     half: usize,
     /// b₀ to b₈.
     sums: [T; 9],
-    /// B = L D Lᵀ: L, whose diagonal is 1, and D.
+    /// B = L D Lᵀ: L, whose diagonal is 1 and whose first column is that of B, and D.
     lower: [[T; 5]; 5],
     pivots: [T; 5],
 }
@@ -87,11 +87,6 @@ impl<T: Real> PowerMoments<T> {
         y
     }
 
-    /// The Christoffel number of a depth.
-    fn share(&self, y: &[T; 5]) -> T {
-        T::ONE / (0..=self.half).fold(T::ZERO, |sum, j| sum + y[j] * y[j] / self.pivots[j])
-    }
-
     /// How much of the whole is in front of a depth: `beta` is 0 for the least, 1 for the most that it may be.
     pub fn share_before(&self, depth: T, beta: T) -> T {
         let m = self.half;
@@ -106,11 +101,12 @@ impl<T: Real> PowerMoments<T> {
         }
         let (roots, count) = real_roots(leading_first, m);
         let far = T::from_f64(FAR);
-        let before = roots[..count].iter().filter(|x| **x < depth).fold(T::ZERO, |sum, x| {
-            let y = self.orthogonal(x.clamped(-far, far));
-            sum + self.share(&y)
-        });
-        (before + beta * self.share(&y)).clamped(T::ZERO, T::ONE)
+        let real = |x| Complex(x, T::ZERO);
+        let mut nodes = Nodes::new(real(depth), beta, m);
+        for root in &roots[..count] {
+            nodes.add(real(root.clamped(-far, far)), if *root < depth { T::ONE } else { T::ZERO });
+        }
+        nodes.in_front(m, self.lower.map(|row| real(row[0])))
     }
 }
 

@@ -7,11 +7,12 @@
 //! B q = v(e^{iφ}). Around the circle that is a real polynomial of t = tan((ψ − φ)/2): B is its own transpose on reversing
 //! both orders, so that e^{i m (ψ − φ)/2} v(e^{iψ})ᴴ q is real.
 
+use super::complex::Complex;
+use super::interpolation::Nodes;
 use super::power_moments::LEAST_PIVOT;
 use super::roots::{Polynomial, real_roots};
 use crate::real::Real;
 use std::f64::consts::PI;
-use std::ops::{Add, Mul, Sub};
 
 /// θ, as published.
 pub const ZONE: f64 = PI / 10.0;
@@ -23,42 +24,6 @@ pub fn bias(half: usize) -> f64 {
         2 => 4e-7,
         3 => 8e-7,
         _ => 1.5e-6,
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Complex<T>(T, T);
-
-impl<T: Real> Complex<T> {
-    const ZERO: Self = Self(T::ZERO, T::ZERO);
-    const ONE: Self = Self(T::ONE, T::ZERO);
-
-    fn conjugate(self) -> Self {
-        Self(self.0, -self.1)
-    }
-    fn scaled(self, by: T) -> Self {
-        Self(self.0 * by, self.1 * by)
-    }
-    fn square(self) -> T {
-        self.0 * self.0 + self.1 * self.1
-    }
-}
-impl<T: Real> Add for Complex<T> {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self(self.0 + other.0, self.1 + other.1)
-    }
-}
-impl<T: Real> Sub for Complex<T> {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self(self.0 - other.0, self.1 - other.1)
-    }
-}
-impl<T: Real> Mul for Complex<T> {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        Self(self.0 * other.0 - self.1 * other.1, self.0 * other.1 + self.1 * other.0)
     }
 }
 
@@ -87,7 +52,7 @@ pub struct TrigonometricMoments<T> {
     total: T,
     /// b₁ to b₄.
     sums: [Complex<T>; 4],
-    /// B = L D Lᴴ: L, whose diagonal is 1, and D.
+    /// B = L D Lᴴ: L, whose diagonal is 1 and whose first column is that of B, and D.
     lower: [[Complex<T>; 5]; 5],
     pivots: [T; 5],
 }
@@ -146,11 +111,6 @@ impl<T: Real> TrigonometricMoments<T> {
         y
     }
 
-    /// The Christoffel number of a point.
-    fn share(&self, y: &[Complex<T>; 5]) -> T {
-        T::ONE / (0..=self.half).fold(T::ZERO, |sum, j| sum + y[j].square() / self.pivots[j])
-    }
-
     /// e^{i m (ψ − φ)/2} v(e^{iψ})ᴴ q, as a polynomial of t = tan((ψ − φ)/2) over (1 + t²)^{m/2}: Σ p_j (1 + i t)^{m−j}
     /// (1 − i t)ʲ with p_j = q_j e^{−i j φ}.
     fn polynomial(&self, point: Complex<T>, y: &[Complex<T>; 5]) -> Polynomial<T> {
@@ -197,7 +157,7 @@ impl<T: Real> TrigonometricMoments<T> {
         // In the zone it rises from 0 to 1: what is there is neither far nor near.
         let start = n(zone_start());
         let scale = T::ONE / (n(7.0) - start);
-        let mut before = beta * self.share(&y);
+        let mut nodes = Nodes::new(point, beta, self.half);
         let (roots, count) = real_roots(self.polynomial(point, &y), self.half);
         for t in &roots[..count] {
             let square = *t * *t;
@@ -205,10 +165,9 @@ impl<T: Real> TrigonometricMoments<T> {
             let turned = Complex((T::ONE - square) * below, (*t + *t) * below) * point;
             let place = around(turned);
             let zone = ((place - start) * scale).clamped(T::ZERO, T::ONE);
-            let counted = if place < own_place { T::ONE } else { zone };
-            before = before + counted * self.share(&self.orthogonal(turned));
+            nodes.add(turned, if place < own_place { T::ONE } else { zone });
         }
-        before.clamped(T::ZERO, T::ONE)
+        nodes.in_front(self.half, self.lower.map(|row| row[0]))
     }
 }
 
