@@ -184,6 +184,8 @@ def test_frames_before_an_error_of_the_cameras_come_first():
         (None, {}, "iterable of Camera, got NoneType"),
         ([], {"widht": 3}, "did you mean 'width'"),
         ([], {"device": "gpu"}, "device is the renderer's"),
+        ([], {"max_error": "small"}, "max_error must be a number"),
+        ([], {"max_error": 0.1, "cutoff": 0.1}, "leave cutoff out"),
     ],
 )
 def test_what_is_wrong_with_many_frames_is_said_at_once(cameras, arguments, words):

@@ -55,7 +55,7 @@ class Renderer:
             arguments: those of `render`, but for `device`.
         """
         scene = self._own(scene)
-        self._check_names(arguments)
+        self._check(arguments)
         if arguments.get("max_error") is not None:
             return self._within(scene, camera, arguments)
         job = self._job(scene, camera, arguments)
@@ -83,7 +83,7 @@ class Renderer:
             cameras = iter(cameras)
         except TypeError:
             raise ParameterError(f"cameras must be an iterable of Camera, got {type(cameras).__name__}") from None
-        self._check_names(arguments)
+        self._check(arguments)
         return self._frames(scene, cameras, arguments)
 
     def _frames(self, scene, cameras, arguments):
@@ -120,13 +120,15 @@ class Renderer:
             return lambda: frame
         return lambda: job.frame(job.finish(upload, begun))
 
-    def _check_names(self, arguments):
+    def _check(self, arguments):
         if "device" in arguments:
             raise ParameterError(f"device is the renderer's, {self.device!r}: make another Renderer for another device")
         method = arguments.get("method", "exact")
         options = {name: value for name, value in arguments.items() if name not in ARGUMENTS}
         others = EXACT_OPTIONS if method == "exact" else OPTIONS
         _methods.chosen(method, options, others, "render", ARGUMENTS)
+        if arguments.get("max_error") is not None:
+            within.checked(arguments["max_error"], arguments)
 
     def _job(self, scene, camera, arguments):
         given = {name: value for name, value in arguments.items() if name != "max_error"}  # which is None

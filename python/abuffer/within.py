@@ -51,8 +51,7 @@ def rendered(scene, camera, arguments, max_error, upload=lambda job: None):
     Raises:
         ParameterError: an argument that leaves nothing to choose, or modes that no bound is known for.
     """
-    max_error = _check.number("max_error", max_error, 0)
-    _refuse(arguments)
+    max_error = checked(max_error, arguments)
     exact = prepared(scene, camera, **arguments)
     if any(mesh.blend != "over" for mesh in exact.scene.meshes if not mesh.opaque):
         raise ParameterError('max_error is for blend="over" alone: no bound is known for other modes')
@@ -60,7 +59,9 @@ def rendered(scene, camera, arguments, max_error, upload=lambda job: None):
     return search.unsorted() or search.nearest() or search.rounded_nodes() or search.exact()
 
 
-def _refuse(arguments):
+def checked(max_error, arguments) -> float:
+    """`max_error`, if it is one and goes with the other arguments; else raises a ParameterError."""
+    max_error = _check.number("max_error", max_error, 0)
     method = arguments.get("method", "exact")
     if method != "exact":
         raise ParameterError(f"max_error chooses the method, and method is {method!r}: leave one of them out")
@@ -71,6 +72,7 @@ def _refuse(arguments):
         raise ParameterError('max_error is for what shows, and fragments="all" lists what is hidden: give True')
     if arguments.get("msaa_resolve") == "hdr":
         raise ParameterError('max_error bounds each sample, and "hdr" weighs them by what they are: take "per_pixel"')
+    return max_error
 
 
 class _Search:
