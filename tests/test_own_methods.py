@@ -174,5 +174,36 @@ def test_what_is_no_method_is_refused(registered, id, arguments, message):
 
 def test_a_function_that_returns_another_shape_is_told_so(registered):
     ab.register_method("flat", numpy=lambda color, depth, primitive, behind: behind[:, :3])
-    with pytest.raises(ParameterError, match=r"numpy of method 'flat' must return \(\d+, 4\), premultiplied"):
+    with pytest.raises(ParameterError, match=r"numpy of method 'flat', .*, must return \(\d+, 4\), premultiplied"):
         ab.render(scene(), CAMERA, **SIZE, method="flat", device="cpu")
+
+
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        (lambda behind: behind + 1j, "for pixels of 2 fragments, must be numbers, got dtype complex128"),
+        (lambda behind: behind.astype(str), "for pixels of 2 fragments, must be numbers, got dtype <U"),
+        (lambda behind: behind > 0, "for pixels of 2 fragments, must be numbers, got dtype bool"),
+        (lambda behind: [[0, 0, 0, 0], [0]], "for pixels of 2 fragments, is not an array"),
+        (lambda behind: behind * [1, 1, np.nan, 1], r"for pixels of 2 .*finite numbers, got \[1.0, 1.0, nan, 1.0\] in pixel \[1, 2\]"),
+        (lambda behind: behind * [1, np.inf, 1, 1], r"for pixels of 2 .*finite numbers, got \[1.0, inf, 1.0, 1.0\] in pixel \[1, 2\]"),
+    ],
+    ids=["complex", "text", "bool", "ragged", "nan", "inf"],
+)  # fmt: skip
+def test_a_function_that_returns_no_colors_is_told_where(registered, returned, message):
+    """Two fragments in pixel [1, 2] of 2 × 3, none elsewhere."""
+    frags = ab.Fragments((2, 3), [0, 0, 0, 0, 0, 0, 2], [1.0, 2.0], np.ones((2, 4)), background=1)
+
+    def bad_where_deep(color, depth, primitive, behind):
+        return returned(behind) if color.shape[1] else behind
+
+    ab.register_method("bad", numpy=bad_where_deep)
+    with pytest.raises(ParameterError, match="numpy of method 'bad', " + message):
+        frags.composite("bad")
+
+
+def test_a_function_may_return_floats_of_any_size_or_integers(registered):
+    frags = ab.Fragments((1, 1), [0, 1], [1.0], np.ones((1, 4)))
+    for dtype in (np.float16, np.float32, np.uint8):
+        ab.register_method("ones", numpy=lambda color, depth, primitive, behind, d=dtype: np.ones((len(behind), 4), d))
+        np.testing.assert_array_equal(frags.composite("ones")[0, 0], (1, 1, 1, 1))

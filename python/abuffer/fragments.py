@@ -289,7 +289,7 @@ class Fragments:
     def _by_function(self, how, behind, depths):
         """Samples (H·W, samples, 4) that a method's function of arrays makes."""
         lists = (self.offsets, self.color, self.depth, self.primitive, self.coverage)
-        return own_methods.composite(how, *lists, behind.reshape(-1, self.samples, 4), depths)
+        return own_methods.composite(how, *lists, behind.reshape(-1, self.samples, 4), depths, self.shape[1])
 
     def _painted(self, how, chosen):
         """(F,) int32, when each fragment's triangle is painted."""

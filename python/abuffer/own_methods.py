@@ -147,13 +147,17 @@ def _check_parameters(parameters):
             raise ParameterError("k is how many fragments are kept: an integer with low=1 or more and high=64 or less")
 
 
-def composite(chosen, offsets, color, depth, primitive, coverage, behind, depths):
+def composite(chosen, offsets, color, depth, primitive, coverage, behind, depths, width):
     """Lists, front to back, by a method's function of arrays: (P, S, 4) float64, a sample each.
 
     Args:
         chosen: the method and its parameters.
         behind: (P, S, 4) straight.
         depths: nearest and farthest of the lists.
+        width: of the image, pixels.
+
+    Raises:
+        ParameterError: what the function returns is no image.
     """
     method = chosen.method
     given = chosen.parts(*depths)["parameters"]
@@ -173,13 +177,22 @@ def composite(chosen, offsets, color, depth, primitive, coverage, behind, depths
         for n in np.unique(counts):
             alike = np.flatnonzero(counts == n)
             at = starts[alike, None] + np.arange(n)
-            result = np.asarray(method.numpy(*(values[at] for values in own), behind[alike, s], **given))
-            if result.shape != (len(alike), 4):
-                raise ParameterError(
-                    f"numpy of method {method.id!r} must return {(len(alike), 4)}, premultiplied, got {result.shape}"
-                )
-            image[alike, s] = result
+            result = method.numpy(*(values[at] for values in own), behind[alike, s], **given)
+            image[alike, s] = _checked(result, method.id, n, alike, width)
     return image
+
+
+def _checked(result, id, n, pixels, width):
+    """What numpy of a method returned for `pixels`, which have n fragments each, if it is (P, 4) finite numbers."""
+    of = f"numpy of method {id!r}, for pixels of {n} fragments,"
+    result = _check.array_of_numbers(f"what comes of {of}", result, "fiu", ParameterError)
+    if result.shape != (len(pixels), 4):
+        raise ParameterError(f"{of} must return {(len(pixels), 4)}, premultiplied, got {result.shape}")
+    bad = ~np.isfinite(result).all(axis=1)
+    if bad.any():
+        y, x = divmod(int(pixels[bad][0]), width)
+        raise ParameterError(f"{of} must return finite numbers, got {result[bad][0].tolist()} in pixel [{y}, {x}]")
+    return result
 
 
 def require(chosen, attribute, device):
