@@ -597,6 +597,17 @@ def test_from_padded_sorts_and_skips_what_is_not_finite():
     np.testing.assert_array_equal(frags.primitive, [2, 5, 0])
 
 
+def test_columns_of_from_padded_are_submitted_as_they_are_given():
+    """Whatever their depths: a method that streams sees what it would of a renderer, not its best case."""
+    depth, color = np.array([[[1.0, 3.0, 2.0]]]), np.array([[[(1, 0, 0, 0.5), (0, 1, 0, 0.5), (0, 0, 1, 0.5)]]])
+    # The last column over the second over the first.
+    image = ab.Fragments.from_padded(depth, color).composite("unsorted")
+    np.testing.assert_array_equal(image[0, 0], (0.125, 0.25, 0.5, 0.875))
+    np.testing.assert_array_equal(ab.Fragments.from_padded(depth, color).composite()[0, 0], (0.5, 0.125, 0.25, 0.875))
+    given = ab.Fragments.from_padded(depth, color, primitive=[[[2, 1, 0]]]).composite("unsorted")
+    np.testing.assert_array_equal(given[0, 0], (0.5, 0.25, 0.125, 0.875))
+
+
 def test_from_padded_puts_the_later_of_equal_depths_in_front():
     frags = ab.Fragments.from_padded(np.ones((1, 1, 2)), [[[(1, 0, 0, 1), (0, 1, 0, 1)]]])
     np.testing.assert_array_equal(frags.composite()[0, 0], (0, 1, 0, 1))

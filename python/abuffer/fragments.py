@@ -29,7 +29,8 @@ class Fragments:
         depth: (F,) float32 or float64, eye depth in world units.
         color: (F, 4) straight RGBA.
         key: (F,) unsigned, what was sorted by, smaller in front. None: made from the depth.
-        primitive: (F,) int32. None: counted from 0 in each pixel.
+        primitive: (F,) int32, the order of submission. None: counted from 0 in each pixel, so front to back, which is
+            the best case of methods that stream.
         background: straight, behind the lists: grey, (3|4,) or (H, W, 3|4), or with several samples
             (H, W, samples, 3|4). Kept as (H, W, 4) or (H, W, samples, 4).
         coverage: (F,) uint32 masks of the samples that a fragment covers, bit s for sample s of the standard
@@ -134,8 +135,10 @@ class Fragments:
         Args:
             depth: (H, W, K), not finite where there is no fragment. The K need not be sorted.
             color: (H, W, K, 3|4) straight.
-            primitive: (H, W, K) integers. None: 0 to K − 1. Of equal depths the greater is in front, as if
-                painted last: give it, or ties come out in reverse.
+            primitive: (H, W, K) integers, the order of submission. None: 0 to K − 1, that of the columns as they are given.
+                Of equal depths the greater is in front, as if painted last: give it, or ties come out in reverse. Methods
+                that stream see fragments by it: columns that are sorted front to back, as those of `to_padded`, are what
+                they do best.
             coverage, blend: (H, W, K) integers, as in `Fragments`.
             background, samples, blends: as in `Fragments`.
         """
