@@ -200,9 +200,28 @@ def test_parameters_out_of_range_are_refused(id):
 
 
 def test_a_depth_range_is_two_rising_depths():
-    for value in (3, (2, 1), (0, np.inf), "ab"):
+    for value in (3, (2, 1), (0, np.inf), (-np.inf, 1), (np.nan, 1), (0, np.nan), "ab"):
         with pytest.raises(ParameterError, match="depth_range"):
             ab.render(scene(), CAMERA, **SIZE, device="cpu", method="wboit", depth_range=value)
+
+
+@pytest.mark.parametrize("value", [(0, 1e39), (-1e39, 1), (-3e38, 3e38)], ids=str)
+def test_a_depth_range_that_float32_does_not_hold_is_refused(value):
+    with pytest.raises(ParameterError, match=r"depth_range(\[\d\])? must .*3\.4"):
+        ab.render(scene(), CAMERA, **SIZE, device="cpu", method="wboit", depth_range=value)
+
+
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+@pytest.mark.parametrize("id", [id for id in METHODS if METHODS[id].takes_range])
+def test_a_depth_range_that_is_one_depth_in_float32_is_one_depth(id, device, needs_gpu):
+    options = {"weight": "10"} if id == "wboit" else {}
+    given = {**SIZE, "method": id, "device": device, "pipeline": "tiles", **options}
+    rounded, one, apart = (
+        ab.render(scene(), CAMERA, **given, depth_range=of).image for of in ((3, 3 + 1e-9), (3, 3), (3, 3.1))
+    )
+    np.testing.assert_array_equal(rounded, one)
+    assert np.isfinite(one).all()
+    assert np.abs(apart - one).max() > 1e-3
 
 
 def test_no_parameter_is_named_like_an_argument_or_another_option():

@@ -536,7 +536,12 @@ def _depths(value):
         nearest, farthest = value
     except (TypeError, ValueError):
         raise ParameterError(f"depth_range must be two depths, nearest and farthest, got {value!r}") from None
-    nearest, farthest = _check.number("depth_range[0]", nearest), _check.number("depth_range[1]", farthest)
+    limits = -_check.FLOAT32_MAX, _check.FLOAT32_MAX  # most renders compute in it
+    nearest, farthest = (_check.number(f"depth_range[{i}]", end, *limits) for i, end in enumerate((nearest, farthest)))
     if not nearest <= farthest:
         raise ParameterError(f"depth_range must rise, got {value!r}")
+    if farthest - nearest > _check.FLOAT32_MAX:
+        raise ParameterError(
+            f"depth_range must span at most {_check.FLOAT32_MAX:.4g}, float32's largest, got {value!r}"
+        )
     return nearest, farthest
