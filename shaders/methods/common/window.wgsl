@@ -5,7 +5,7 @@ fn window_depth(z: f32) -> f32 {
     let near = method.nearest;
     let far = method.farthest;
     if far > near && z > max(near, 0.0) {
-        return clamp(far * (z - near) / (z * (far - near)), 0.0, 1.0);
+        return clamp((z - near) / z * (far / (far - near)), 0.0, 1.0);
     }
     return 0.0;
 }

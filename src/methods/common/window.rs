@@ -10,7 +10,7 @@ pub fn window_depth<T: Real>(z: T, (nearest, farthest): DepthRange) -> T {
     if !(far > near && z > near.larger(T::ZERO)) {
         return T::ZERO;
     }
-    (far * (z - near) / (z * (far - near))).clamped(T::ZERO, T::ONE)
+    ((z - near) / z * (far / (far - near))).clamped(T::ZERO, T::ONE)
 }
 
 #[cfg(test)]
@@ -24,5 +24,6 @@ mod tests {
         assert_eq!([d(0.0), d(0.5), d(9.0)], [0.0, 0.0, 1.0]);
         assert_eq!(window_depth(0.0, (-1.0, 1.0)), 0.0);
         assert_eq!(window_depth(2.0_f64, (1.0, 1.0)), 0.0);
+        assert_eq!(window_depth(2.0_f32, (1.0, 3e38)), 0.5);
     }
 }
