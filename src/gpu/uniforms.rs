@@ -202,8 +202,11 @@ mod tests {
 
     macro_rules! same {
         ($module:expr, $name:ident { $($member:ident),* }) => {
+            same!($module, stringify!($name), $name { $($member),* })
+        };
+        ($module:expr, $wgsl_name:expr, $name:ident { $($member:ident),* }) => {
             let members = vec![$((stringify!($member).to_string(), offset_of!($name, $member))),*];
-            assert_eq!(wgsl($module, stringify!($name)), (size_of::<$name>(), members));
+            assert_eq!(wgsl($module, $wgsl_name), (size_of::<$name>(), members));
         };
     }
 
@@ -242,7 +245,7 @@ mod tests {
             Round { width, long_count, chunk_count, first_pixel, by_order, block_count, pad0, pad1 }
         );
         let tiles = crate::gpu::tiles::modules(&Variant { tiles: true, ..plain() });
-        let [setup, bin, _, walk, ..] = tiles.as_slice() else { panic!("the modules of tiles") };
+        let [setup, bin, _, walk, .., stream] = tiles.as_slice() else { panic!("the modules of tiles") };
         same!(
             setup,
             Eye {
@@ -293,6 +296,11 @@ mod tests {
             }
         );
         same!(walk, Window { first, count, tiles_x, parts, first_row, list_capacity, pad0, pad1 });
+        same!(
+            stream,
+            "Method",
+            MethodUniform { nearest, farthest, beta, seed, first_row, passes, pad1, pad2 }
+        );
         let (size, members) = wgsl(&long, "LongSample");
         assert_eq!(size, size_of::<LongSample>());
         assert_eq!(members[1], ("saved".to_string(), offset_of!(LongSample, saved)));
