@@ -51,6 +51,8 @@ pub struct Gpu {
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
 
+/// Turns of its loops that an invocation has on a software driver: Mesa's llvmpipe ends every loop after 65,535, silently.
+pub const SOFTWARE_TURNS: u32 = 60_000;
 /// Variants whose pipelines are kept.
 const MOST_VARIANTS: usize = 256;
 /// Storage buffers that the stages for long lists bind.

@@ -5,7 +5,7 @@ use super::counted::Room;
 use super::stages::MAX_BINS;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{indirect, storage};
-use crate::gpu::device::Gpu;
+use crate::gpu::device::{Gpu, SOFTWARE_TURNS};
 use crate::gpu::kept::Kept;
 use crate::gpu::readback::copied;
 use crate::gpu::resolve::TILE;
@@ -104,7 +104,7 @@ impl Bins {
             // Of little memory half is left to lists of fragments.
             bin_capacity: (2 * triangles + 256).min(most / 6),
             tile_capacity: (4 * triangles + 256).min(most / 3),
-            trips: if gpu.adapter.is_software() { 60_000 } else { u32::MAX },
+            trips: if gpu.adapter.is_software() { SOFTWARE_TURNS } else { u32::MAX },
             parts: most_parts(tiles_x * rows),
             block,
             first_row: 0,

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::fragments::Background;
 use crate::frame::{Lists, Output, Request, Stats};
 use crate::gpu::buffers::{bind, storage, with_contents};
+use crate::gpu::device::SOFTWARE_TURNS;
 use crate::gpu::kept::Kept;
 use crate::gpu::plan;
 use crate::gpu::pool::DEFAULT_MEMORY;
@@ -23,9 +24,6 @@ use crate::memory::allocate;
 use crate::methods::Method;
 use crate::resolve::Resolve;
 use crate::scene::Scene;
-
-/// Loop iterations of an invocation, after which a software driver ends every loop.
-const MOST_TRIPS: u64 = 60_000;
 
 /// Words of `Totals` in shaders/tiles/stream.wgsl.
 const TOTAL_WORDS: usize = 4;
@@ -156,16 +154,22 @@ fn check_trips(gpu: &crate::gpu::device::Gpu, request: &Request, longest: u32) -
     }
     let samples = u64::from(request.samples);
     let (passes, inner) = request.method.work(longest);
-    let trips = u64::from(longest)
-        * (u64::from(walk_trips(request.samples)) + u64::from(inner))
-        * u64::from(passes)
-        * samples;
-    if trips <= MOST_TRIPS {
+    let most = u64::from(SOFTWARE_TURNS);
+    let of_a_pass =
+        u64::from(longest) * (u64::from(walk_trips(request.samples)) + u64::from(inner)) * samples;
+    let trips = of_a_pass * u64::from(passes);
+    if trips <= most {
         return Ok(());
     }
+    let peels = matches!(request.method, Method::DepthPeeling(_) | Method::DualDepthPeeling(_));
+    let fewer = if peels && of_a_pass <= most {
+        format!("; method=\"depth_peeling\", layers={} takes no more", most / of_a_pass)
+    } else {
+        String::new()
+    };
     Err(Error::Unsupported(format!(
-        "{} ends loops after {MOST_TRIPS} turns, silently, and this method takes up to {trips} in a tile of {longest} \
-         triangles; device=\"cpu\" has no such limit",
+        "{} ends loops after {most} turns, silently, and this method takes up to {trips} in a tile of {longest} \
+         triangles; device=\"cpu\" has no such limit{fewer}",
         gpu.adapter.name
     )))
 }

@@ -10,7 +10,7 @@ use super::counted::{Counted, Room, counted, never_settles};
 use super::opaque::{Opaque, OpaqueKey};
 use crate::error::Result;
 use crate::gpu::buffers::with_contents;
-use crate::gpu::device::Gpu;
+use crate::gpu::device::{Gpu, SOFTWARE_TURNS};
 use crate::gpu::kept::Kept;
 use crate::gpu::rect::Rect;
 use crate::gpu::resolve::TILE;
@@ -21,10 +21,9 @@ use crate::gpu::variant::{BuildStage, Variant};
 use crate::methods::Method;
 
 /// Triangles of a tile's list that one dispatch walks: a few milliseconds, or on a software driver, with what each takes
-/// inside (up to seven pieces, their edges, and samples), below the 65,535 loop iterations after which Mesa's llvmpipe
-/// ends every loop of an invocation.
+/// inside (up to seven pieces, their edges, and samples), as many turns as its loops have.
 pub fn window_length(gpu: &Gpu, samples: u32) -> u32 {
-    if gpu.adapter.is_software() { 60_000 / walk_trips(samples) } else { 1 << 14 }
+    if gpu.adapter.is_software() { SOFTWARE_TURNS / walk_trips(samples) } else { 1 << 14 }
 }
 
 /// Loop iterations of a walk for each triangle, at most.
