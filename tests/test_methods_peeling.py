@@ -1,6 +1,8 @@
 """Peelings are `exact`, ties included; unsorted blending is where fragments come back to front, and off by a known
 amount where not."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -137,8 +139,15 @@ def test_more_passes_than_a_software_driver_has_turns_for_are_refused(method, ne
         pytest.skip("there is no software driver")
     adapter = next(name for name, row in ab.devices().items() if row["kind"] == "software")
     deep = ab.Mesh(np.repeat(scenes.covering()[0], 100, axis=0), colors=(1, 0, 0, 0.01))
-    with pytest.raises(UnsupportedError, match=r"takes up to .* in a tile of 100 triangles"):
-        ab.render(deep, FRONT, width=4, height=4, method=method, device=adapter, pipeline="tiles")
+    given = {"width": 4, "height": 4, "device": adapter, "pipeline": "tiles"}
+    with pytest.raises(UnsupportedError, match=r"takes up to .* in a tile of 100 triangles") as raised:
+        ab.render(deep, FRONT, **given, method=method)
+    # What it says instead is as many layers as there are turns for.
+    [layers] = map(int, re.findall(r'method="depth_peeling", layers=(\d+)', str(raised.value)))
+    image = ab.render(deep, FRONT, **given, method="depth_peeling", layers=layers).image
+    np.testing.assert_allclose(image[..., 3], 1 - 0.99**layers, rtol=400 * methods.U)
+    with pytest.raises(UnsupportedError):
+        ab.render(deep, FRONT, **given, method="depth_peeling", layers=layers + 1)
     image = ab.render(deep, FRONT, width=4, height=4, method=method, device="cpu").image
     np.testing.assert_allclose(image[..., 3], 1 - 0.99**100, rtol=400 * methods.U)
 
