@@ -6,6 +6,7 @@ import pytest
 import abuffer as ab
 import methods
 from abuffer import ParameterError
+from abuffer._methods import METHODS
 
 RANGE = (1.0, 10.0)
 # All that there is, by the columns of the tables below.
@@ -15,11 +16,18 @@ POWER, TRIGONOMETRIC = KINDS[:3], KINDS[3:]
 LAMBDA = (5e-7, 5e-6, 5e-5, 4e-7, 8e-7, 1.5e-6)
 
 
+# Four power moments of 16 bits, and λ for them.
+SIXTEEN = {"moments": 4, "trigonometric": False, "bits": 16}
+LAMBDA_16 = 6e-5
+
+
 def name_of(kind):
-    return f"{'trigonometric' if kind['trigonometric'] else 'power'}-{kind['moments']}"
+    bits = "-16-bits" if "bits" in kind else ""
+    return f"{'trigonometric' if kind['trigonometric'] else 'power'}-{kind['moments']}{bits}"
 
 
 kinds = pytest.mark.parametrize("kind", KINDS, ids=name_of)
+kinds_and_bits = pytest.mark.parametrize("kind", [*KINDS, SIXTEEN], ids=name_of)
 
 
 def lists(zeta, grey, alpha, behind=0.5):
@@ -120,7 +128,7 @@ def test_layers_that_are_too_close_are_merged_by_the_bias(kind, wanted):
     assert np.abs(errors(apart, **kind, beta=0)).max() < wanted / 100
 
 
-@kinds
+@kinds_and_bits
 def test_coverage_is_exact_where_absorbance_stops_too(kind):
     """It stops at −ln 2⁻²⁴, in the moments; coverage is a product of its own."""
     rng = np.random.default_rng(0)
@@ -131,7 +139,7 @@ def test_coverage_is_exact_where_absorbance_stops_too(kind):
     np.testing.assert_allclose(image[0, :, 3], frags.composite()[0, :, 3], rtol=1e-14)
 
 
-@kinds
+@kinds_and_bits
 def test_colors_times_a_power_of_two_give_the_image_times_it_to_the_bit(kind):
     rng = np.random.default_rng(1)
     triangles = rng.uniform(-1, 1, (12, 3, 3))
@@ -189,7 +197,7 @@ def test_a_value_outside_the_hull_or_none_at_all_is_told():
     assert not any(in_hull(np.array([0.5, bad]), 0.25, 0.75, 1e-14) for bad in (0.24, 0.76, np.nan))
 
 
-@kinds
+@kinds_and_bits
 @pytest.mark.parametrize("beta", [0, 0.25, 1])
 def test_no_list_makes_it_leave_the_hull_of_its_colors(kind, beta):
     """A hundred thousand pixels, with alphas 0 and 1, almost 0 and almost 1, equal depths and almost equal ones."""
@@ -208,7 +216,7 @@ def test_no_list_makes_it_leave_the_hull_of_its_colors(kind, beta):
         np.testing.assert_allclose(image[..., 3], 1, rtol=1e-14)
 
 
-@kinds
+@kinds_and_bits
 def test_no_scene_makes_float32_leave_the_hull_of_its_colors(kind, needs_gpu):
     """A hundred thousand pixels on the CPU, of 60 triangles, some of them at the same depth. A sum of weights rounds once
     a layer, and so does coverage."""
@@ -225,7 +233,7 @@ def test_no_scene_makes_float32_leave_the_hull_of_its_colors(kind, needs_gpu):
         assert in_hull(image[..., :3], 0.25, 0.75, 60 * 2 * methods.U)
 
 
-@kinds
+@kinds_and_bits
 def test_thousands_of_bright_layers_keep_their_color(kind):
     """In float32, where the transmittance of each is 0: what is weighed is how much less it is than the greatest."""
     corners = np.array([[-9, -9, 0], [9, -9, 0], [0, 9, 0.0]])
@@ -326,6 +334,51 @@ def test_that_floats_are_far_off_where_layers_touch_is_seen():
     zeta, colors = stacks_apart(2)
     zeta[:, 1] = zeta[:, 0] + 1e-3
     assert float_errors(zeta, colors).max() > 1e-4
+
+
+@pytest.mark.parametrize("n", range(1, 5))
+def test_sixteen_bits_are_exact_up_to_their_bias_where_32_are(n):
+    """For up to three depths; of two, what a step of 2⁻¹⁶ moves is less than λ."""
+    off = np.abs(errors(spread_lists(n), **SIXTEEN, beta=0)).max()
+    assert off < LAMBDA_16 if n <= 3 else off > 1e-3
+    if n in (2, 3):
+        assert np.abs(errors(spread_lists(n), **POWER[0], beta=0)).max() < off, "16 bits should show"
+
+
+@pytest.mark.parametrize("n", [8, 16, 64])
+def test_sixteen_bits_err_as_32_do(n):
+    """Images within 5e-3 of each other: half a step, 2⁻¹⁷, over λ, where layers are close together; and an RMSE that is the
+    same to a fiftieth."""
+    frags = random_lists(n, 0.9)
+    of_16, of_32 = errors(frags, **SIXTEEN), errors(frags, **POWER[0])
+    assert 0 < np.abs(of_16 - of_32).max() < 5e-3
+    assert np.sqrt(np.mean(of_16**2)) == pytest.approx(np.sqrt(np.mean(of_32**2)), rel=0.02)
+
+
+def test_two_layers_that_are_apart_differ_by_little_in_16_bits_and_32():
+    """By λ and a step, over the variance of depths a twentieth of the range apart."""
+    frags = random_lists(2, 0.9, apart=0.1)
+    assert np.abs(errors(frags, **SIXTEEN) - errors(frags, **POWER[0])).max() < 1e-3
+
+
+def test_the_order_of_submission_shows_a_little_in_16_bits():
+    """Each fragment rounds what the ones before left. Not where there is one."""
+    for n, most in ((1, 0), (12, 2e-2)):
+        depths, colors, order = methods.random_stacks(n)
+        images = [methods.lists_of(depths, colors, o).composite("mboit", bits=16) for o in (order, order[:, ::-1])]
+        assert np.abs(images[0] - images[1]).max() <= most
+    assert np.abs(images[0] - images[1]).max() > 1e-6
+
+
+def test_sixteen_bits_are_of_four_power_moments_and_take_28_bytes():
+    row = METHODS["mboit"]
+    assert row.bytes_per_pixel(**row.checked({"bits": 16})) == 28 < row.bytes_per_pixel(**row.checked({})) == 36
+    frags = random_lists(3, 0.9, pixels=5)
+    for other in (*POWER[1:], *TRIGONOMETRIC):
+        with pytest.raises(ParameterError, match=r"bits=16 exists for 4 power moments, and there are \d \w+ ones"):
+            frags.composite("mboit", bits=16, **other)
+    with pytest.raises(ParameterError, match="bits must be one of 32, 16, got 8"):
+        frags.composite("mboit", bits=8)
 
 
 def test_moments_are_4_6_or_8():

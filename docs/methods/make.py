@@ -42,7 +42,8 @@ for what the hardware rounds: edges, depths between corners that are snapped to 
 Passes and bytes are those of the defaults: over the geometry, and kept for a pixel by the published form. A method that
 normalises depths takes `depth_range=(nearest, farthest)`, by default that of the translucent vertices; over captured lists that
 of their fragments. The weight of `wboit` may also be an expression of your own, in WGSL, of the eye depth `z` and `alpha`:
-`weight="alpha / (0.1 + z * z)"`. [Adding a method](../adding-a-method.md) says how a whole one is added.
+`weight="alpha / (0.1 + z * z)"`. With `bits=16`, `mboit` rounds its moments each time that a fragment is added, so that the
+order of submission shows a little. [Adding a method](../adding-a-method.md) says how a whole one is added.
 
 Each method has a page of its own, with its equations, what it costs, and a picture of what it gets wrong.
 """

@@ -67,6 +67,7 @@ class Method:
         flags: names of FLAGS.
         takes_range: depths are normalised by a `depth_range`.
         is_native: it also runs as `pipeline="hardware"`, in the form that it was published in.
+        conflict: of all parameters: what is wrong with them together, or None.
         sorts: "objects" or "triangles", which are painted in the order of a depth (painter.py).
         wgsl, numpy, loops: of a method that was registered (own_methods.py).
     """
@@ -83,6 +84,7 @@ class Method:
     deterministic: str = "yes"
     takes_range: bool = False
     is_native: bool = False
+    conflict: Callable | None = None
     sorts: str | None = None
     wgsl: str | None = None
     numpy: Callable | None = None
@@ -90,7 +92,11 @@ class Method:
 
     def checked(self, given) -> dict:
         """All parameters: those `given`, the others' defaults."""
-        return {p.name: p.checked(given.get(p.name, p.default)) for p in self.parameters}
+        parameters = {p.name: p.checked(given.get(p.name, p.default)) for p in self.parameters}
+        conflict = self.conflict and self.conflict(**parameters)
+        if conflict:
+            raise ParameterError(conflict)
+        return parameters
 
     @property
     def options(self) -> tuple:
@@ -145,6 +151,13 @@ def _k(default, about):
 def _flags(*names):
     assert set(names) <= set(FLAGS), names
     return frozenset(names)
+
+
+def _bits_of_others(moments, trigonometric, beta, bits):
+    if bits == 16 and (moments != 4 or trigonometric):
+        kind = "trigonometric" if trigonometric else "power"
+        return f"bits=16 exists for 4 power moments, and there are {moments} {kind} ones: leave bits out, or give moments=4"
+    return None
 
 
 WEIGHTS = ("7", "8", "9", "10", "none")
@@ -405,8 +418,9 @@ ALL = (
         title="a mean colour weighted by a transmittance that moments of absorbance give",
         source="Münstermann, Krumpen, Klein and Peters 2018, I3D",
         order="any",
-        passes=lambda moments, trigonometric, beta: 2,
-        bytes_per_pixel=lambda moments, trigonometric, beta: 4 * (1 + moments) + 16,
+        passes=lambda moments, trigonometric, beta, bits: 2,
+        # The absorbance of all, moments, then Σ Tαc and Σ Tα.
+        bytes_per_pixel=lambda moments, trigonometric, beta, bits: 4 + bits // 8 * moments + 16,
         exact_when="beta is 0 and a pixel has at most moments / 2 + 1 depths, spread over the range: up to a bias and roundings "
         "under 5e-5, in float32 too",
         flags=_flags("single", "equal_colors", "noop_alpha0", "exact_coverage", "order_free", "hull"),
@@ -420,9 +434,11 @@ ALL = (
                 high=1,
                 is_integer=False,
             ),
+            Parameter("bits", 32, "of a stored moment; 16: of 4 power moments, rounded at each fragment", (32, 16)),
         ),
         takes_range=True,
         is_native=True,
+        conflict=_bits_of_others,
     ),
 )
 METHODS = {method.id: method for method in ALL}  # and those that are registered

@@ -15,7 +15,7 @@
 use super::common::absorbance::absorbance;
 use super::common::depth::depth_in_range;
 use super::common::interpolation::LEAST_RUN;
-use super::common::power_moments::{self, LEAST_PIVOT, PowerMoments};
+use super::common::power_moments::{self, Bits, LEAST_PIVOT, PowerMoments};
 use super::common::roots;
 use super::common::shade::Shade;
 use super::common::trigonometric_moments::{self, TrigonometricMoments};
@@ -30,6 +30,7 @@ pub struct Mboit {
     /// Complex moments, or half as many as there are power moments.
     half: usize,
     trigonometric: bool,
+    bits: Bits,
     beta: f64,
     range: DepthRange,
 }
@@ -82,6 +83,7 @@ impl Mboit {
         Self {
             half: (parameters.count("moments") / 2).clamp(2, 4),
             trigonometric: parameters.flag("trigonometric"),
+            bits: if parameters.count("bits") == 16 { Bits::Sixteen } else { Bits::ThirtyTwo },
             beta: parameters.number("beta"),
             range: parameters.depth_range(),
         }
@@ -112,10 +114,11 @@ impl Described for Mboit {
             constants.push(("ZONE", format!("{:?}", trigonometric_moments::ZONE)));
             constants.push(("ZONE_START", format!("{:?}", trigonometric_moments::zone_start())));
         } else {
-            let (bias, towards) = power_moments::bias(self.half);
+            let (bias, towards) = power_moments::bias(self.half, self.bits);
             let vector =
                 |of: &[f64]| format!("vec4f({})", of.iter().map(|v| format!("{v:?}, ")).collect::<String>());
             constants.push(("BIAS", format!("{bias:?}")));
+            constants.push(("SIXTEEN_BITS", format!("{}", self.bits == Bits::Sixteen)));
             constants.push(("TOWARDS_LOW", vector(&towards[..4])));
             constants.push(("TOWARDS_HIGH", vector(&towards[4..])));
         }
@@ -159,7 +162,7 @@ impl<T: Real> Streamed<T> for Mboit {
         let moments = if self.trigonometric {
             Moments::Trigonometric(TrigonometricMoments::none(self.half))
         } else {
-            Moments::Power(PowerMoments::none(self.half))
+            Moments::Power(PowerMoments::none(self.half, self.bits))
         };
         State { moments, shade: Shade::none() }
     }
@@ -198,7 +201,7 @@ mod tests {
     use crate::methods::tests::{fragment, run};
 
     fn of(half: usize, trigonometric: bool, beta: f64) -> Mboit {
-        Mboit { half, trigonometric, beta, range: (1.0, 4.0) }
+        Mboit { half, trigonometric, bits: Bits::ThirtyTwo, beta, range: (1.0, 4.0) }
     }
 
     #[test]

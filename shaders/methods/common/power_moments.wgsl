@@ -29,7 +29,32 @@ fn moments_add(b: Moments, absorbance: f32, depth: f32) -> Moments {
     let square = depth * depth;
     let powers = vec4f(depth, square, square * depth, square * square);
     let low = absorbance * powers;
-    return Moments(b.total + absorbance, b.low + low, b.high + low.w * powers);
+    let sum = Moments(b.total + absorbance, b.low + low, b.high + low.w * powers);
+    if SIXTEEN_BITS && sum.total > 0.0 {
+        return Moments(sum.total, sum.total * stored_in_16_bits(sum.low / sum.total), sum.high);
+    }
+    return sum;
+}
+
+// Normalised moments b₁ to b₄ as 16-bit fractions hold them: as four numbers in 0 to 1 that use all of it, to the nearest
+// of their steps, and back.
+fn stored_in_16_bits(b: vec4f) -> vec4f {
+    let root = 1.7320508;
+    let fractions = vec4f(
+        1.5 * b.x - 2.0 * b.z + 0.5,
+        4.0 * b.y - 4.0 * b.w,
+        0.5 * root * b.x - 2.0 / 9.0 * root * b.z + 0.5,
+        0.5 * b.y + 0.5 * b.w,
+    );
+    let q = floor(clamp(fractions, vec4f(0.0), vec4f(1.0)) * 65535.0 + 0.5) / 65535.0;
+    let q1 = q.x - 0.5;
+    let q3 = q.z - 0.5;
+    return vec4f(
+        root * q3 - 1.0 / 3.0 * q1,
+        0.125 * q.y + q.w,
+        0.75 * root * q3 - 0.75 * q1,
+        q.w - 0.125 * q.y,
+    );
 }
 
 fn factors_none() -> Factors {
