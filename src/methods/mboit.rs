@@ -1,11 +1,12 @@
 //! Moment-based order-independent transparency (Münstermann, Krumpen, Klein and Peters 2018).
 //!
 //! A first pass sums absorbances aᵢ = −ln(1 − αᵢ) and their moments over depth. From these a second one reconstructs how
-//! much absorbance F(ζ) is in front of each fragment, and sums colours weighted by T = e^{−F}: C = A Σ α T c / Σ α T
-//! + (1 − A) B, with the exact coverage A = 1 − Π (1 − αᵢ). F(ζ) lies between two bounds, `beta` from the lower to the
-//! upper. The moments are power moments (common/power_moments.rs) or trigonometric ones
-//! (common/trigonometric_moments.rs). Exact, up to the bias λ, where beta is 0 and a pixel has no more than one depth more
-//! than half the moments: these, the fragment's among them, are then the representation that is looked for.
+//! much absorbance F(ζ) is in front of each fragment, and sums colours weighted by T = e^{−F}:
+//! C = A Σ α T c / Σ α T + (1 − A) B, with the exact coverage A = 1 − Π (1 − αᵢ). F(ζ) lies between two bounds, `beta`
+//! from the lower to the upper. The moments are power moments (common/power_moments.rs), in 32 bits or four of them in
+//! 16, or trigonometric ones (common/trigonometric_moments.rs). Exact, up to the bias λ, where beta is 0 and a pixel has
+//! no more than one depth more than half the moments: these, the fragment's among them, are then the representation that
+//! is looked for.
 //!
 //! The published code leaves out pixels of b₀ = Σ aᵢ under 0.001 and stops a at 10, and takes 1 − e^{−b₀} as coverage;
 //! here a stops at −ln 2⁻²⁴, that of the float next to 1, in the moments alone, and no pixel is left out: normalised
