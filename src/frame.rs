@@ -79,6 +79,8 @@ pub struct Request {
     pub blend_order: BlendOrder,
     /// Front to back, a sample's list is left where no more than this is let through. At 0 that changes no bit.
     pub least_transmittance: f64,
+    /// Native forms of methods draw colours, and sum them, in 16 bits.
+    pub half_targets: bool,
     pub lists_on_gpu: ListOptions,
 }
 

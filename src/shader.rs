@@ -149,6 +149,7 @@ pub static SOURCES: &[(&str, &str)] = sources![
     "hardware/raster",
     "hardware/screen",
     "hardware/coverage",
+    "hardware/absorbed",
     "hardware/blended",
     "hardware/blended_second",
     "hardware/additive",

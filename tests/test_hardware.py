@@ -18,6 +18,8 @@ SIZE = {"width": 61, "height": 45}
 NATIVE = [id for id in METHODS if METHODS[id].is_native]
 # Draws are samples there, whose edges are other than those of pixels.
 PIXELWISE = [id for id in NATIVE if id != "stochastic"]
+# Moments of 16 bits are rounded at each fragment, which blending does not do.
+BLENDED = [variant for variant in methods.variants(PIXELWISE) if "bits" not in variant[1]]
 BEHIND = (0.1, 0.2, 0.3, 0.5)
 WALL = ab.Mesh([[[-3, -3, -0.9], [3, -3, -0.9], [0, 3, -0.9]]], colors=(0.2, 0.5, 0.9), opaque=True)
 
@@ -45,8 +47,15 @@ def both(scene, method, camera=CAMERA, size=SIZE, **options):
     return hardware, ab.render(scene, camera, **size, method=method, device="cpu", **options)
 
 
+def both_targets(scene, method, targets, camera, size):
+    """The same, with colours drawn in so many bits."""
+    options = {"method": method, "device": "gpu", "pipeline": "hardware", "targets": targets}
+    wanted = ab.render(scene, camera, **size, method=method, device="cpu")
+    return ab.render(scene, camera, **size, **options), wanted
+
+
 @pytest.mark.parametrize("opaque", [False, True])
-@pytest.mark.parametrize("variant", methods.variants(PIXELWISE), ids=methods.name_of)
+@pytest.mark.parametrize("variant", BLENDED, ids=methods.name_of)
 def test_an_image_is_that_of_tiles(variant, opaque):
     id, options = variant
     hardware, wanted = both(scene(opaque), id, background=BEHIND, fragments="count", **options)
@@ -129,6 +138,29 @@ def test_a_thousand_layers_of_moments_are_not_black():
     colors = np.full((100, 4), (0.25, 0.5, 1, 1))
     frame, wanted = both(sheets(np.linspace(3, 5, 100), colors), "mboit", size={"width": 4, "height": 4})
     np.testing.assert_allclose(frame.image, wanted.image, atol=1e-5)
+
+
+@pytest.mark.parametrize("id", PIXELWISE)
+def test_targets_of_16_bits_round_each_fragment(id):
+    """By 2⁻¹¹ of the sum, which is some times the image: of additive up to 10, of a mean as much as its weights."""
+    options = {"background": BEHIND, "device": "gpu", "pipeline": "hardware", "method": id}
+    single, half = (ab.render(scene(), CAMERA, **SIZE, **options, targets=t) for t in ("float32", "float16"))
+    off = np.abs(half.image - single.image).max()
+    assert 1e-5 < off < 20 * 2**-11
+    assert half.stats.bytes["targets"] < single.stats.bytes["targets"]
+
+
+@pytest.mark.parametrize(("layers", "holds"), [(21, True), (40, False)])
+def test_weights_as_published_overflow_16_bits_from_22_near_layers_on(layers, holds):
+    """22 · 3000 > 65504, where devices have infinity, or the largest number; 32 bits hold them."""
+    colors = np.full((layers, 4), (1, 0.5, 0.25, 1))
+    near = sheets(np.linspace(0.011, 0.012, layers), colors)
+    options = {"size": {"width": 4, "height": 4}, "camera": ab.Camera.look_at((0, 0, 4), (0, 0, 0), near=1e-3)}
+    half, wanted = both_targets(near, "wboit", "float16", **options)
+    # A rounding of 2⁻¹² each.
+    assert (np.abs(half.image - wanted.image) < layers * 2**-12).all() == holds
+    single, _ = both_targets(near, "wboit", "float32", **options)
+    np.testing.assert_allclose(single.image, wanted.image, atol=1e-5)
 
 
 @pytest.mark.parametrize("id", PIXELWISE)
@@ -240,7 +272,10 @@ def test_a_renderer_keeps_the_scene_for_it():
         ({"method": "exact"}, r"does not have method 'exact': give pipeline=\"tiles\" or pipeline=\"linked_list\""),
         ({"method": "mlab"}, r"does not have method 'mlab': give pipeline=\"tiles\""),
         ({"method": "wboit", "weight": "alpha / z"}, "does not have method 'wboit'"),
+        ({"method": "mboit", "bits": 16}, "adds to moments, and bits=16 rounds what is there"),
         ({"method": "wboit", "samples": 4}, "has 1 sample a pixel, got 4"),
+        ({"method": "wboit", "targets": "float64"}, "targets must be one of 'float32', 'float16'"),
+        ({"method": "wboit", "targets": "float16", "pipeline": "tiles"}, "targets is an option of pipeline hardware"),
         ({"method": "wboit", "device": "cpu"}, 'pipeline "hardware" needs a GPU'),
         ({"method": "wboit", "precision": "float64", "device": "auto"}, 'pipeline "hardware" needs a GPU'),
     ],

@@ -480,6 +480,11 @@ class Chosen:
             raise ParameterError(f"pipeline {pipeline!r} does not have method {method.id!r}: give {have}")
         if pipeline == "hardware" and samples != 1:
             raise ParameterError(f'pipeline "hardware" has 1 sample a pixel, got {samples}: give pipeline="tiles"')
+        if pipeline == "hardware" and self.parameters.get("bits", 32) != 32:
+            raise ParameterError(
+                f'pipeline "hardware" adds to moments, and bits={self.parameters["bits"]} rounds what is there at each: '
+                'give pipeline="tiles"'
+            )
         if pipeline == "hardware" and len(modes):
             raise ParameterError(
                 f'pipeline "hardware" is for blend="over" alone, and there is {modes[0]!r}: give pipeline="tiles"'

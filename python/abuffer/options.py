@@ -27,8 +27,10 @@ NODE_CHOICES = {
 NODE_OPTIONS = (*NODE_CHOICES, "resolve_classes")
 CLASSES = (1, 4, 8, 16, 32, 64)
 # Of every method, and of exact alone.
-OPTIONS = ("msaa_resolve",)
+OPTIONS = ("msaa_resolve", "targets")
 EXACT_OPTIONS = (*CHOICES, "max_sorted_fragments", "cutoff", *NODE_CHOICES, "resolve_classes")
+# Of pipeline hardware, which other methods have.
+NATIVE_CHOICES = {"targets": ("float32", "float16")}
 SAMPLES = (1, 2, 4, 8, 16)
 
 
@@ -45,9 +47,13 @@ def all_of(given, pipeline) -> dict:
                 f"{name} is an option of pipelines {have}, and this render's is {pipeline}: "
                 f'leave it out, or give pipeline="{NODE_PIPELINES[0]}"'
             )
-    chosen = {
-        name: _check.choice(name, given.get(name, valid[0]), valid) for name, valid in (CHOICES | NODE_CHOICES).items()
-    }
+        if name in NATIVE_CHOICES and pipeline != "hardware":
+            raise ParameterError(
+                f"{name} is an option of pipeline hardware, and this render's is {pipeline}: leave it out, or give "
+                f'pipeline="hardware"'
+            )
+    valid_of = CHOICES | NODE_CHOICES | NATIVE_CHOICES
+    chosen = {name: _check.choice(name, given.get(name, valid[0]), valid) for name, valid in valid_of.items()}
     chosen["max_sorted_fragments"] = _limit(given.get("max_sorted_fragments"))
     chosen["cutoff"] = cutoff.checked(given.get("cutoff", 0))
     chosen["resolve_classes"] = _classes(given.get("resolve_classes", CLASSES))

@@ -124,7 +124,7 @@ TAKEN = frozenset(
         "primitive",
         "behind",
     ]
-) | {*options.EXACT_OPTIONS}
+) | {*options.OPTIONS, *options.EXACT_OPTIONS}
 
 
 def _check_parameters(parameters):

@@ -52,6 +52,10 @@ def render(
     Options of the other methods are their parameters, which `methods()` lists, and of those that normalise depths:
         depth_range: (nearest, farthest) in eye depth. None, the default: those of the translucent vertices.
 
+    Options of pipeline hardware:
+        targets: what colours are drawn as, and summed in: "float32", the default, or "float16", as most were published: up to
+            four times as fast, with a rounding for each fragment, and infinite or stuck where sums grow large.
+
     Options of method "exact", on every pipeline:
         sort: how lists are sorted, "auto" (default), "insertion", "selection", "bitonic", "merge" or "heap". The image
             is the same.

@@ -1,4 +1,5 @@
-// Coverage by blending: alpha in red and transmittance in alpha, so that one target has A + T α and T (1 − α).
+// Coverage of layers that are put under each other: alpha in red and transmittance in alpha, so that one target has A + T α
+// and T (1 − α).
 
 // What one fragment's coverage adds.
 fn covers(c: Coverage) -> vec4f {

@@ -18,8 +18,8 @@ struct Second {
 }
 
 // Weights are e^(this − F): a common factor, which keeps all but the farthest of a thousand layers from being 0, and
-// bright ones from overflowing.
-const LIFT = 64.0;
+// bright ones from overflowing; 16 bits have less room for it.
+const LIFT = select(64.0, 8.0, HALF_TARGETS);
 
 fn first(s: State) -> First {
     return First(vec4f(s.moments.total, 0.0, 0.0, 0.0), low_moments(s.moments), high_moments(s.moments));
@@ -41,6 +41,6 @@ fn second(s: State) -> Second {
 
 fn seen_all(pixel: vec2u) -> State {
     var s = seen_once(pixel);
-    s.shade = Shade(textureLoad(sums, pixel, 0), 0.0);
+    s.shade = Shade(textureLoad(sums, pixel, 0), 0.0, coverage_of(s.moments.total));
     return s;
 }

@@ -42,8 +42,8 @@ fn fs_shade(v: Varyings, @builtin(front_facing) is_front: bool) -> Drawn {
 }
 
 @fragment
-fn fs_cover(v: Varyings, @builtin(front_facing) is_front: bool) -> @location(0) vec4f {
-    return covers(coverage_add(coverage_none(), fragment_of(v, is_front).color.a));
+fn fs_absorb(v: Varyings, @builtin(front_facing) is_front: bool) -> @location(0) vec4f {
+    return vec4f(absorbance(fragment_of(v, is_front).color.a), 0.0, 0.0, 0.0);
 }
 
 // Adds up a pixel's samples.

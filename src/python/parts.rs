@@ -204,6 +204,8 @@ pub struct RequestParts {
     #[pyo3(item)]
     least_transmittance: f64,
     #[pyo3(item)]
+    targets: String,
+    #[pyo3(item)]
     pipeline: String,
     #[pyo3(item)]
     node_format: String,
@@ -259,6 +261,7 @@ impl RequestParts {
             }),
             blend_order: blend_order_of(&self.blend_order),
             least_transmittance: self.least_transmittance,
+            half_targets: self.targets == "float16",
         })
     }
 }

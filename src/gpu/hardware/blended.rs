@@ -3,7 +3,7 @@
 
 use wgpu::TextureFormat::R32Float;
 
-use super::canvas::{ADD, CLEAR, Canvas, FADE, ONES, OPEN, OVER, Target, UNDER};
+use super::canvas::{ADD, CLEAR, Canvas, FADE, ONES, OVER, Target};
 use crate::error::Result;
 use crate::gpu::buffers::Bound;
 use crate::gpu::pipelines::COLOR_FORMAT;
@@ -11,25 +11,20 @@ use crate::methods::Method;
 
 type Own = (&'static str, wgpu::TextureFormat, Option<wgpu::BlendState>, wgpu::Color);
 
-const SUM: Own = ("sum", COLOR_FORMAT, ADD, CLEAR);
-const COVERAGE: Own = ("coverage", COLOR_FORMAT, UNDER, OPEN);
-
-/// Of each pass, in the order of the shader's locations.
-fn targets(method: &Method) -> Vec<Vec<Own>> {
+/// Of each pass, in the order of the shader's locations. `colors`: the format of colours and their sums.
+fn targets(method: &Method, colors: wgpu::TextureFormat) -> Vec<Vec<Own>> {
+    let sum = ("sum", colors, ADD, CLEAR);
+    let moments = ("moments", COLOR_FORMAT, ADD, CLEAR); // in 16 bits nothing would be left of their differences
+    let absorbance = ("absorbance", R32Float, ADD, CLEAR);
     match method {
-        Method::WeightedAverage(_) => vec![vec![SUM, ("count", R32Float, ADD, CLEAR)]],
-        Method::Wboit(_) => vec![vec![SUM, COVERAGE]],
+        Method::WeightedAverage(_) => vec![vec![sum, ("count", R32Float, ADD, CLEAR)]],
+        Method::Wboit(_) => vec![vec![sum, absorbance]],
         Method::Unsorted(_) => {
-            vec![vec![("painted", COLOR_FORMAT, OVER, CLEAR), ("transmittance", R32Float, FADE, ONES)]]
+            vec![vec![("painted", colors, OVER, CLEAR), ("transmittance", R32Float, FADE, ONES)]]
         }
-        Method::Mboit(own) => {
-            let mut moments = vec![("absorbance", R32Float, ADD, CLEAR), SUM];
-            if own.has_high_moments() {
-                moments.push(SUM);
-            }
-            vec![moments, vec![SUM]]
-        }
-        _ => vec![vec![SUM]],
+        Method::Mboit(own) if own.has_high_moments() => vec![vec![absorbance, moments, moments], vec![sum]],
+        Method::Mboit(_) => vec![vec![absorbance, moments], vec![sum]],
+        _ => vec![vec![sum]],
     }
 }
 
@@ -38,7 +33,7 @@ pub fn blended(canvas: &mut Canvas) -> Result<wgpu::TextureView> {
     let method = canvas.method;
     let mut seen: Vec<wgpu::TextureView> = Vec::new();
     let stages = [("first pass", "fs_first"), ("second pass", "fs_second")];
-    for (own, (stage, fragment)) in targets(method).into_iter().zip(stages) {
+    for (own, (stage, fragment)) in targets(method, canvas.colors).into_iter().zip(stages) {
         let views = own
             .iter()
             .map(|&(label, format, ..)| canvas.texture(label, format, 1))

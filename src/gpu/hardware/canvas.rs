@@ -4,6 +4,7 @@ use wgpu::BufferUsages;
 
 use super::stages::{Depth, Drawing, Features, For, SCREEN, Stages};
 use crate::error::Result;
+use crate::frame::Request;
 use crate::gpu::buffers::{Bound, bind, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
@@ -26,6 +27,8 @@ pub struct Canvas<'a> {
     pub drawn: u32,
     /// Of all targets.
     pub bytes: u64,
+    /// The format of colours that fragments are drawn as, and of their sums.
+    pub colors: wgpu::TextureFormat,
     pub method: &'a Method,
     made_for: For<'a>,
     vertices: u32,
@@ -88,7 +91,8 @@ impl<'a> Target<'a> {
 }
 
 impl<'a> Canvas<'a> {
-    pub fn new(ready: &'a Ready, scene: &Scene, method: &'a Method) -> Result<Self> {
+    pub fn new(ready: &'a Ready, scene: &Scene, request: &'a Request) -> Result<Self> {
+        let method = &request.method;
         let of = ready.context();
         let gpu = of.gpu;
         let stages = &of.pipelines.hardware;
@@ -96,6 +100,7 @@ impl<'a> Canvas<'a> {
         let features = Features {
             culls: meshes().any(|mesh| mesh.cull != Cull::None),
             cuts_out: meshes().any(|mesh| mesh.alpha_cutoff > 0.0),
+            half_targets: request.half_targets,
         };
         let variant = ready.variant();
         gpu.checked("the targets", || {
@@ -129,6 +134,7 @@ impl<'a> Canvas<'a> {
                 timing: Timing::of(gpu, MOST_TIMED),
                 drawn: 0,
                 bytes,
+                colors: if request.half_targets { wgpu::TextureFormat::Rgba16Float } else { COLOR_FORMAT },
                 method,
                 made_for: For { variant, method, features },
                 vertices: 3 * own.triangles,

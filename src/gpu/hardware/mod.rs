@@ -42,7 +42,7 @@ pub fn render(
     // The scene lies on the device as tiles have it.
     let variant = plan::variant(&gpu, scene, &request.in_tiles())?.without_lists();
     let ready = Ready::new(kept, &variant, (scene, camera), request, background)?;
-    let mut canvas = Canvas::new(&ready, scene, &request.method)?;
+    let mut canvas = Canvas::new(&ready, scene, request)?;
     canvas.draw_opaque()?;
     stats.stage("upload", clock);
 

@@ -9,7 +9,7 @@ use crate::gpu::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
 
 /// Peels so many layers from the front, and returns the image (shaders/hardware/depth_peeling.wgsl).
 pub fn depth_peeling(canvas: &mut Canvas, layers: u32) -> Result<wgpu::TextureView> {
-    let color = canvas.texture("layer", COLOR_FORMAT, 1)?;
+    let color = canvas.texture("layer", canvas.colors, 1)?;
     let depth = canvas.texture("depth of the layer", DEPTH_FORMAT, 1)?;
     let orders = [canvas.texture("order", Rg32Uint, 1)?, canvas.texture("order", Rg32Uint, 1)?];
     let rgb = canvas.texture("layers", COLOR_FORMAT, 1)?;
@@ -51,8 +51,8 @@ pub fn depth_peeling(canvas: &mut Canvas, layers: u32) -> Result<wgpu::TextureVi
 /// Peels from both ends until nothing is left of lists up to `deepest` (shaders/hardware/dual_depth_peeling.wgsl).
 pub fn dual_depth_peeling(canvas: &mut Canvas, deepest: u32) -> Result<wgpu::TextureView> {
     let ends = [canvas.texture("ends", Rg32Float, 1)?, canvas.texture("ends", Rg32Float, 1)?];
-    let front = canvas.texture("front layer", COLOR_FORMAT, 1)?;
-    let back = canvas.texture("back layer", COLOR_FORMAT, 1)?;
+    let front = canvas.texture("front layer", canvas.colors, 1)?;
+    let back = canvas.texture("back layer", canvas.colors, 1)?;
     let front_rgb = canvas.texture("front layers", COLOR_FORMAT, 1)?;
     let front_coverage = canvas.texture("coverage", COLOR_FORMAT, 1)?;
     let back_color = canvas.texture("back layers", COLOR_FORMAT, 1)?;

@@ -38,6 +38,8 @@ pub struct Pass {
 pub struct Features {
     pub culls: bool,
     pub cuts_out: bool,
+    /// Colours are drawn in 16 bits.
+    pub half_targets: bool,
 }
 
 /// What a module is made for.
@@ -202,15 +204,24 @@ const MBOIT_TRIGONOMETRIC: [&str; 4] =
     ["hardware/blended", "hardware/blended_second", "hardware/mboit", "hardware/trigonometric_moments"];
 
 fn native(For { variant, method, features }: For) -> Result<Composed> {
-    let Features { culls, cuts_out } = features;
-    let prelude = variant.prelude(1, 0) + &format!("const CULLS = {culls};\nconst CUTS_OUT = {cuts_out};\n");
+    let Features { culls, cuts_out, half_targets } = features;
+    let own = format!(
+        "const CULLS = {culls};\nconst CUTS_OUT = {cuts_out};\nconst HALF_TARGETS = {half_targets};\n"
+    );
+    let prelude = variant.prelude(1, 0) + &own;
     let own = format!("methods/{}", method.id());
     let mut all = vec!["common", "exact", "tiles/triangle", "tiles/scene", "methods/common/fragment"];
-    all.extend(["hardware/raster", "hardware/screen", "hardware/coverage", variant.affine_file()]);
+    all.extend([
+        "hardware/raster",
+        "hardware/screen",
+        "hardware/coverage",
+        "hardware/absorbed",
+        variant.affine_file(),
+    ]);
     // Which some methods have anyway.
-    const LAYER: &str = "methods/common/layer";
-    all.push(LAYER);
-    all.extend(method.common().iter().filter(|&&file| file != LAYER));
+    const HAVE: [&str; 2] = ["methods/common/layer", "methods/common/absorbance"];
+    all.extend(HAVE);
+    all.extend(method.common().iter().filter(|file| !HAVE.contains(file)));
     all.push(&own);
     all.extend(files(method));
     let mut composed = Composed::new(prelude, &all)?;
@@ -221,7 +232,7 @@ fn native(For { variant, method, features }: For) -> Result<Composed> {
 /// Every module, for the tests that read them all.
 #[cfg(test)]
 pub fn modules(variant: &Variant) -> Vec<Composed> {
-    let features = Features { culls: variant.hides, cuts_out: variant.hides };
+    let features = Features { culls: variant.hides, cuts_out: variant.hides, half_targets: variant.hides };
     let methods = some_methods();
     let natives = methods.iter().filter(|method| variant.tiles && !files(method).is_empty());
     let all = natives.map(|method| native(For { variant, method, features }));

@@ -2,7 +2,7 @@
 
 use wgpu::BufferUsages;
 
-use super::canvas::{ADD, CLEAR, Canvas, OPEN, Target, UNDER};
+use super::canvas::{ADD, CLEAR, Canvas, Target};
 use super::stages::{Depth, Drawing};
 use crate::error::{Error, Result};
 use crate::gpu::buffers::with_contents;
@@ -21,11 +21,11 @@ pub fn stochastic(canvas: &mut Canvas, own: &Stochastic) -> Result<wgpu::Texture
             gpu.adapter.name
         )));
     };
-    let coverage = canvas.texture("coverage", COLOR_FORMAT, 1)?;
+    let absorbance = canvas.texture("absorbance", wgpu::TextureFormat::R32Float, 1)?;
     if own.corrects_alpha() {
-        canvas.draw("cover", "fs_cover", &[Target::new(&coverage, UNDER, OPEN)], &[])?;
+        canvas.draw("absorb", "fs_absorb", &[Target::new(&absorbance, ADD, CLEAR)], &[])?;
     }
-    let color = canvas.texture("draws", COLOR_FORMAT, samples)?;
+    let color = canvas.texture("draws", canvas.colors, samples)?;
     let depth = canvas.texture("depths of draws", DEPTH_FORMAT, samples)?;
     let sum = canvas.texture("sum", COLOR_FORMAT, 1)?;
     for first in (0..draws).step_by(samples as usize) {
@@ -67,7 +67,7 @@ pub fn stochastic(canvas: &mut Canvas, own: &Stochastic) -> Result<wgpu::Texture
         canvas.screen("gather", "fs_gather", &[into], &[(&uniform).into(), (&color).into()])?;
     }
     let image = canvas.texture("image", COLOR_FORMAT, 1)?;
-    let reads = [(&sum).into(), (&coverage).into()];
+    let reads = [(&sum).into(), (&absorbance).into()];
     canvas.screen("composite", "fs_composite", &[Target::new(&image, None, CLEAR)], &reads)?;
     Ok(image)
 }
