@@ -28,15 +28,17 @@ METHODS_TIMED = (
 )
 # Passes over lists of hundreds take seconds, and say no more than those of tens.
 DEEP = {"dual_depth_peeling": 64, "depth_peeling": 64}
+TARGETS = ("float32", "float16")
 
 
 def variants(deepest):
     for id, options in METHODS_TIMED:
         if deepest > DEEP.get(id, deepest) and "layers" not in options:
             continue
-        for pipeline in METHODS[id].pipelines:
-            if pipeline in ("tiles", "hardware"):
-                yield id, options, pipeline
+        yield id, options, "tiles", {}
+        if METHODS[id].is_native:
+            for targets in TARGETS:
+                yield id, options, "hardware", {"targets": targets}
 
 
 def gpu_ms(stats):
@@ -54,55 +56,55 @@ def measured(name, args):
     counts = renderer.render(uploaded, camera, **size, fragments="count")
     exact = ab.render(scene, camera, **size, precision="float64").image
     rows = {}
-    for id, options, pipeline in variants(counts.stats.max_depth_complexity):
+    for id, options, pipeline, targets in variants(counts.stats.max_depth_complexity):
+        arguments = size | {"method": id, "pipeline": pipeline} | options | targets
         try:
-            frame = renderer.render(uploaded, camera, **size, method=id, pipeline=pipeline, **options)
+            frame = renderer.render(uploaded, camera, **arguments)
         except ab.UnsupportedError as e:  # of software drivers, where loops end
             print(f"{name}, {id}: {e}", flush=True)
             continue
         error = np.abs(frame.image.astype(np.float64) - exact)
-        rows[id, str(options), pipeline] = {
+        rows[id, str(options), pipeline, targets.get("targets", "")] = {
             "scene": name,
             "method": id,
             "options": options,
             "pipeline": pipeline,
+            "targets": targets.get("targets", ""),
             "rmse": float(np.sqrt(np.mean(error**2))),
             "max": float(error.max()),
             "bytes a pixel": frame.stats.bytes.get("targets", 0) / (width * height),
+            "arguments": arguments,
             "ms": [],
         }
     for _ in range(args.frames):
-        for (id, _, pipeline), row in rows.items():
-            frame = renderer.render(uploaded, camera, **size, method=id, pipeline=pipeline, **row["options"])
+        for row in rows.values():
+            frame = renderer.render(uploaded, camera, **row["arguments"])
             row["ms"].append(gpu_ms(frame.stats))
     return counts.stats, list(rows.values())
 
 
 def table(rows):
-    """A line a method: both times, each by that of exact in the same turn, and errors."""
-    found = {(row["method"], str(row["options"]), row["pipeline"]): row for row in rows}
-    base = found["exact", "{}", "tiles"]["ms"]
-    ratio = lambda row: f"{statistics.median(a / b for a, b in zip(row['ms'], base, strict=True)):.2f}"  # noqa: E731
+    """A line a method: its times, each by that of exact in the same turn, and errors."""
+    found = {(row["method"], str(row["options"]), row["pipeline"], row["targets"]): row for row in rows}
+    base = found["exact", "{}", "tiles", ""]["ms"]
+
+    def cells(row):
+        if row is None:
+            return ["", ""]
+        ratio = statistics.median(a / b for a, b in zip(row["ms"], base, strict=True))
+        return [f"{statistics.median(row['ms']):.3f}", f"{ratio:.2f}"]
+
     lines = []
-    for (id, options, pipeline), row in found.items():
-        if pipeline != "tiles":
-            continue
-        native = found.get((id, options, "hardware"))
-        label = id + "".join(f" {key}={value}" for key, value in row["options"].items())
-        lines.append(
-            [
-                label,
-                f"{statistics.median(row['ms']):.3f}",
-                ratio(row),
-                f"{statistics.median(native['ms']):.3f}" if native else "",
-                ratio(native) if native else "",
-                f"{native['bytes a pixel']:.0f}" if native else "",
-                f"{row['rmse']:.1e}",
-                f"{row['max']:.1e}",
-            ]
-        )
-    head = ["method", "tiles ms", "÷ exact", "hardware ms", "÷ exact", "bytes a pixel", "RMSE", "max"]
-    return lines_of(head, lines)
+    for id, options in dict.fromkeys((id, options) for id, options, *_ in found):
+        tiles = found.get((id, options, "tiles", ""))
+        native = [found.get((id, options, "hardware", targets)) for targets in TARGETS]
+        any_row = tiles or native[0]
+        label = id + "".join(f" {key}={value}" for key, value in any_row["options"].items())
+        times = [cell for row in (tiles, *native) for cell in cells(row)]
+        off = [f"{row['rmse']:.1e}" if row else "" for row in (tiles, native[1])]
+        lines.append([label, *times, f"{native[0]['bytes a pixel']:.0f}" if native[0] else "", *off])
+    head = ["method", "tiles ms", "÷ exact", "hardware ms", "÷ exact", "16 bits ms", "÷ exact", "bytes a pixel"]
+    return lines_of([*head, "RMSE", "RMSE of 16 bits"], lines)
 
 
 def main():

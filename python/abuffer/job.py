@@ -93,7 +93,8 @@ class Job:
         try:
             return upload.render(self.parts, self.view, self.request, self.behind)
         except (CapacityError, UnsupportedError) as e:
-            if not self.may_change or self.request["pipeline"] != "tiles":
+            is_exact = self.how.method.id == "exact"
+            if not (self.may_change and is_exact and self.request["pipeline"] == "tiles"):
                 raise
             why = f"tiles cannot: {e}"
         # Which takes geometry and images in parts of any size.

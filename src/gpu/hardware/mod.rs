@@ -78,6 +78,9 @@ pub fn render(
 
 fn check(gpu: &Gpu, request: &Request) -> Result<()> {
     let name = &gpu.adapter.name;
+    if stages::files(&request.method).is_empty() {
+        return Err(Error::Unsupported(format!("method {:?} has no native form", request.method.id())));
+    }
     if !gpu.has(wgpu::Features::FLOAT32_BLENDABLE) {
         return Err(Error::Unsupported(format!(
             "{name} does not blend into 32-bit floats, which pipeline \"hardware\" needs: give pipeline=\"tiles\""
