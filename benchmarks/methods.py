@@ -17,6 +17,7 @@ from report import lines_of
 
 import abuffer as ab
 from abuffer._methods import METHODS
+from abuffer.comparing.measuring import gpu_ms
 from scenes import SIX, random_triangles
 
 NAMES = ("200k of ~6 px", "20k of ~20 px", "200 of ~400 px", "1500 of ~400 px")
@@ -39,13 +40,6 @@ def variants(deepest):
         if METHODS[id].is_native:
             for targets in TARGETS:
                 yield id, options, "hardware", {"targets": targets}
-
-
-def gpu_ms(stats):
-    """Of a frame in several submissions, that of its stages."""
-    if stats.gpu_ms is not None:
-        return stats.gpu_ms
-    return sum(ms for stage, ms in stats.ms.items() if stage not in ("upload", "wait and readback"))
 
 
 def measured(name, args):

@@ -4,6 +4,7 @@ from . import _core, scenes, testing
 from ._methods import Parameter as MethodParameter
 from .blend import BLENDS, Blend
 from .camera import Camera
+from .comparing import Comparison, compare
 from .errors import (
     AbufferError,
     CapacityError,
@@ -15,6 +16,7 @@ from .errors import (
 )
 from .fragments import Fragments
 from .frame import Frame
+from .inspecting import inspect
 from .mesh import Mesh
 from .own_methods import register_method
 from .render import render, render_triangles
@@ -28,6 +30,7 @@ __all__ = [
     "Blend",
     "Camera",
     "CapacityError",
+    "Comparison",
     "DeviceError",
     "Fragments",
     "Frame",
@@ -39,7 +42,9 @@ __all__ = [
     "SceneError",
     "ShaderError",
     "UnsupportedError",
+    "compare",
     "devices",
+    "inspect",
     "methods",
     "pipelines",
     "register_method",

@@ -4,7 +4,7 @@ import operator
 
 import numpy as np
 
-from . import _check, _core, _methods, archive, columns, cutoff, geometry, options, own_methods, painter
+from . import _check, _core, _methods, archive, columns, cutoff, geometry, inspecting, options, own_methods, painter
 from .blend import BLENDS, composite, require, resolve
 from .camera import Camera
 from .errors import ParameterError, SceneError, UnsupportedError
@@ -329,6 +329,17 @@ class Fragments:
         that gives (1, 0, 0).
         """
         return geometry.barycentric(self, scene, camera)
+
+    def plot(self, y, x, ax=None):
+        """The fragments of a pixel as a stack, the nearest on top: colour over checks, depth, alpha, and the transmittance T in
+        front of each. Needs matplotlib.
+
+        Args:
+            ax: axes to draw into. None: a new figure.
+
+        Returns the matplotlib Figure.
+        """
+        return inspecting.layers(self, y, x, ax)
 
     def to_pandas(self):
         """A table, one row a fragment: y, x, layer (0 in front), depth, r, g, b, a, primitive, and coverage and

@@ -107,6 +107,12 @@ def devices() -> Table:
     return table
 
 
+def named(device) -> str:
+    """The name in `devices()` of what `device=` means."""
+    adapter, _ = choose("auto", device, "float32", os.environ.get("ABUFFER_DEVICE"), [])
+    return list(devices())[0 if adapter is None else adapter + 1]
+
+
 class Wants(NamedTuple):
     """What a render asks of a device."""
 

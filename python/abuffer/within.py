@@ -55,7 +55,7 @@ def rendered(scene, camera, arguments, max_error, upload=lambda job: None):
     exact = prepared(scene, camera, **arguments)
     if any(mesh.blend != "over" for mesh in exact.scene.meshes if not mesh.opaque):
         raise ParameterError('max_error is for blend="over" alone: no bound is known for other modes')
-    search = _Search(exact, arguments, max_error, upload)
+    search = Search(exact, arguments, max_error, upload)
     return search.unsorted() or search.nearest() or search.rounded_nodes() or search.exact()
 
 
@@ -75,10 +75,10 @@ def checked(max_error, arguments) -> float:
     return max_error
 
 
-class _Search:
-    """The candidates: each gives a frame, or None if its bound is too large somewhere."""
+class Search:
+    """The candidates: each gives a frame, or None if its bound is too large somewhere. `off_…`: those bounds, (H, W)."""
 
-    def __init__(self, exact, arguments, max_error, upload):
+    def __init__(self, exact, arguments, max_error, upload=lambda job: None):
         self.job, self.arguments, self.max_error, self.upload = exact, arguments, max_error, upload
         colors = [*(mesh.colors for mesh in exact.scene.meshes), exact.background]
         self.largest = max(float(c[..., :3].max(initial=0)) for c in colors)
@@ -124,13 +124,23 @@ class _Search:
         plan = Plan([*frame.plan, ("method", name, why), bound])
         return replace(frame, plan=plan, stats=replace(frame.stats, error_bound=float(off.max())), error_bound=off)
 
+    def off_unsorted(self):
+        # Sums of n alphas, and of their products, round n times each.
+        return self.bound(self.pairs * SLACK * (1 + 2 * self.counts * UNIT[np.float32]))
+
+    def off_nearest(self, k):
+        through, *_ = self.look(k=k, of_nearest=True)
+        return self.bound(through * SLACK)
+
+    def off_exact(self):
+        return self.bound(0 * self.pairs)
+
     def unsorted(self):
         if not self.methods_are_free:
             return None
         if 2 * self.largest * self.counts.max() > FLOAT32_MAX:
             return None  # their sum may be infinite
-        # Sums of n alphas, and of their products, round n times each.
-        off = self.bound(self.pairs * SLACK * (1 + 2 * self.counts * UNIT[np.float32]))
+        off = self.off_unsorted()
         if off.max() > self.max_error:
             return None
         deepest = self.counts.max()
@@ -144,8 +154,7 @@ class _Search:
         k = max(1, int(self.needed.max())) if self.methods_are_free else MOST_NEAREST + 1
         if k > MOST_NEAREST:
             return None
-        through, *_ = self.look(k=k, of_nearest=True)
-        off = self.bound(through * SLACK)
+        off = self.off_nearest(k)
         if off.max() > self.max_error:
             return None
         options = {"k": k, "tail": "drop"}

@@ -1,0 +1,150 @@
+"""What a comparison found."""
+
+import html
+import math
+
+import numpy as np
+
+from ..errors import ParameterError
+from . import store
+from .extras import needed
+
+# Of `_repr_html_`.
+SHOWN = ("label", "device", "scene", "gpu_ms", "wall_ms", "rmse", "max_abs", "flip", "bytes_per_pixel", "passes")
+
+
+class Comparison:
+    """Rows of methods on scenes and devices, with the images behind them.
+
+    Attributes:
+        rows: a dict a row; `abuffer.comparing.measuring.COLUMNS` lists the columns. Times are milliseconds, errors in the units
+            of colours, of premultiplied RGB.
+        environment: where it was measured.
+        rendered: {(scene, device, label): (H, W, 4) float32}, premultiplied.
+        references: {scene: (H, W, 4) float64}, what errors are measured against.
+        exact: {scene: Frame}, exact in float64, with its fragments if they are not too many.
+    """
+
+    def __init__(self, rows, environment):
+        self.rows, self.environment = rows, environment
+        self.rendered, self.references, self.exact = {}, {}, {}
+
+    def __repr__(self):
+        return f"Comparison({len(self.rows)} rows: {len(self.scenes)} scenes, {len(self.devices)} devices)"
+
+    def add(self, scene, device, rows, images, exact, reference):
+        """Takes in what was measured of a scene on a device."""
+        self.rows += [row | {"device": device} for row in rows]
+        self.rendered |= {(scene, device, label): image for label, image in images.items()}
+        self.exact[scene], self.references[scene] = exact, reference
+
+    @property
+    def scenes(self) -> list:
+        return list(dict.fromkeys(row["scene"] for row in self.rows))
+
+    @property
+    def devices(self) -> list:
+        return list(dict.fromkeys(row["device"] for row in self.rows))
+
+    @property
+    def cells(self) -> set:
+        """Scenes and devices that are measured."""
+        return {(row["scene"], row["device"]) for row in self.rows}
+
+    def select(self, **columns) -> list:
+        """Rows whose columns have these values: `compared.select(method="wboit", scene="hair")`."""
+        return [row for row in self.rows if all(row[name] == value for name, value in columns.items())]
+
+    def to_pandas(self):
+        """A DataFrame of all rows. Needs pandas."""
+        return needed("pandas", "to_pandas").DataFrame(self.rows)
+
+    def time_column(self, rows=None) -> str:
+        """`gpu_ms` where all rows have it, else `wall_ms`."""
+        rows = [row for row in (self.rows if rows is None else rows) if not row["failure"]]
+        return "gpu_ms" if rows and all(math.isfinite(row["gpu_ms"]) for row in rows) else "wall_ms"
+
+    def pareto(self, error="rmse") -> list:
+        """Rows that no other one dominates: of the same scene and device.
+
+        A row dominates another where its error is no greater and it is faster, and that only where the quartiles of their times
+        do not overlap: what noise may have ordered is not told apart.
+
+        Args:
+            error: the column of errors, of which less is better.
+        """
+        best = []
+        for scene in self.scenes:
+            for device in self.devices:
+                rows = [row for row in self.select(scene=scene, device=device) if not row["failure"]]
+                time = self.time_column(rows)
+                best += [row for row in rows if not any(_dominates(other, row, time, error) for other in rows)]
+        return best
+
+    def plot(self, ax=None, *, error="rmse", scene=None, device=None):
+        """Time against error, both logarithmic: a figure with a panel for each scene and device. Needs matplotlib.
+
+        Args:
+            ax: axes to draw one scene and device into. None: a new figure.
+            error: the column of errors.
+            scene, device: those alone. None: all.
+
+        Returns the matplotlib Figure.
+        """
+        from .plots import plot  # needs matplotlib
+
+        return plot(self, ax, error, scene, device)
+
+    def images_of(self, scene=None, device=None) -> dict:
+        """The images of a scene on a device by label; of the first of each where nothing is said."""
+        scene, device = scene or self.scenes[0], device or self.devices[0]
+        found = {label: image for (s, d, label), image in self.rendered.items() if (s, d) == (scene, device)}
+        if not found:
+            raise ParameterError(
+                f"no image of scene {scene!r} on device {device!r}: scenes are {', '.join(self.scenes)}, "
+                f"devices {', '.join(self.devices)}"
+            )
+        return found
+
+    def images(self, scene=None, device=None, labels=None):
+        """A grid: the reference, each method's image, and its signed difference on one scale. Needs matplotlib.
+
+        Images are over black, encoded with the sRGB curve. Differences are of the linear floats, of the channel that is most
+        off; their colour scale is linear up to 1/255 and logarithmic beyond.
+
+        Args:
+            scene, device: None: the first.
+            labels: of rows. None: all.
+
+        Returns the matplotlib Figure.
+        """
+        from .plots import grid  # needs matplotlib
+
+        return grid(self, scene, device, labels)
+
+    def save(self, folder):
+        """Writes all of it to a folder: JSON, and NPZ of images and lists, which `load` reads."""
+        store.save(self, folder)
+
+    @classmethod
+    def load(cls, folder) -> "Comparison":
+        """Reads what `save` wrote."""
+        return store.load(folder)
+
+    def _repr_html_(self):
+        head = "".join(f"<th>{name}</th>" for name in SHOWN)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(_cell(row[name]))}</td>" for name in SHOWN) + "</tr>"
+            for row in self.rows
+        )
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _dominates(one, other, time, error):
+    return one is not other and one[f"{time}_q3"] < other[f"{time}_q1"] and one[error] <= other[error]
+
+
+def _cell(value):
+    if isinstance(value, float):
+        return "" if np.isnan(value) else f"{value:.3g}"
+    return "" if value is None else str(value)

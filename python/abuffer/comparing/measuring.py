@@ -1,0 +1,180 @@
+"""Rows: each method on one scene and one device, its frames in turns with the others'."""
+
+import statistics
+import time
+
+import numpy as np
+
+from .. import tables
+from .._methods import chosen
+from ..errors import AbufferError
+from ..options import EXACT_OPTIONS, OPTIONS
+from ..render import render
+from ..renderer import Renderer
+from . import bounds
+from .metrics import ERRORS, errors
+
+COLUMNS = (
+    "label",
+    "method",
+    "pipeline",
+    "parameters",
+    "curve",
+    "device",
+    "scene",
+    "gpu_ms",
+    "gpu_ms_q1",
+    "gpu_ms_q3",
+    "wall_ms",
+    "wall_ms_q1",
+    "wall_ms_q3",
+    "stage_ms",
+    "bytes_per_pixel",
+    "passes",
+    *ERRORS,
+    "fragments",
+    "depth_complexity",
+    "merged",
+    "dropped",
+    "deterministic",
+    "error_bound",
+    "failure",
+)
+# Frames that are compared bit by bit.
+SAME = 3
+# Stages of a GPU's frame in which the host works or waits.
+OF_HOST = ("upload", "wait and readback")
+# Frames that count, where nobody says how many.
+FRAMES_ON_GPU, FRAMES_ON_CPU = 30, 5
+
+
+def gpu_ms(stats) -> float:
+    """GPU time of a frame; of one in several submissions, that of its stages."""
+    if stats.device == "cpu":
+        return float("nan")
+    if stats.gpu_ms is not None:
+        return stats.gpu_ms
+    return sum(ms for stage, ms in stats.ms.items() if stage not in OF_HOST)
+
+
+def reference_of(subject, size, most_fragments):
+    """The exact frame in float64, with its lists if they are not too many."""
+    arguments = {"width": size[0], "height": size[1], "background": subject.background, "precision": "float64"}
+    frame = render(subject.scene, subject.camera, **arguments, fragments="count")
+    if frame.stats.fragments <= most_fragments:
+        frame = render(subject.scene, subject.camera, **arguments, fragments=True)
+    return frame
+
+
+def device_name(device) -> str:
+    """As `devices()` has it: "cpu", or a GPU's."""
+    return tables.named(device)
+
+
+def is_real_gpu(device) -> bool:
+    return tables.devices()[tables.named(device)]["kind"] not in ("processor", "software")
+
+
+def measured(subject, device, entries, size, reference, lists, repeats, warmup, step=lambda what: None):
+    """The rows of all entries, and their images by label.
+
+    Args:
+        reference: (H, W, 4), what images should be.
+        lists: the exact frame, with counts.
+        step: is told what is done before each entry, and each turn.
+    """
+    renderer = Renderer(device)
+    uploaded = renderer.upload(subject.scene)
+    arguments = {"width": size[0], "height": size[1], "background": subject.background}
+    rows, images, turns = {}, {}, {}
+    for entry in entries:
+        step(f"{subject.name}: {entry.label}")
+        own = arguments | {"method": entry.method, "pipeline": entry.pipeline} | entry.parameters
+        try:
+            frames = [renderer.render(uploaded, subject.camera, **own) for _ in range(max(SAME, warmup))]
+        except AbufferError as e:
+            rows[entry.label] = _failed(entry, subject, device, e)
+            continue
+        rows[entry.label] = _row(entry, subject, frames, reference, lists)
+        images[entry.label] = frames[0].image
+        turns[entry.label] = (own, [])
+    for turn in range(repeats):
+        step(f"{subject.name}: turn {turn + 1} of {repeats}")
+        for own, times in turns.values():
+            start = time.perf_counter()
+            frame = renderer.render(uploaded, subject.camera, **own)
+            times.append(((time.perf_counter() - start) * 1e3, gpu_ms(frame.stats), frame.stats.ms))
+    for label, (_, times) in turns.items():
+        rows[label] |= _times(times)
+    return [{column: row[column] for column in COLUMNS} for row in rows.values()], images
+
+
+def _row(entry, subject, frames, reference, lists):
+    frame = frames[0]
+    stats = frame.stats
+    images = [other.image.tobytes() for other in frames[:SAME]]
+    own = _chosen(entry)
+    return _named(entry, subject, stats.device) | {
+        "bytes_per_pixel": bytes_per_pixel(own, entry.pipeline, lists),
+        "passes": passes(own, lists),
+        "fragments": lists.stats.fragments,
+        "depth_complexity": lists.stats.max_depth_complexity,
+        "merged": stats.merged_fragments,
+        "dropped": stats.dropped_fragments,
+        "deterministic": len(set(images)) == 1,
+        "error_bound": bounds.proven(entry, subject, lists),
+        "failure": "",
+        **errors(frame.image, reference, lists.counts > 0),
+    }
+
+
+def _named(entry, subject, device):
+    return {
+        "label": entry.label,
+        "method": entry.method,
+        "pipeline": entry.pipeline,
+        "parameters": dict(entry.parameters),
+        "curve": entry.curve,
+        "device": device,
+        "scene": subject.name,
+    }
+
+
+def _failed(entry, subject, device, error):
+    """A row of what a device cannot do: no row is left out."""
+    nothing = dict.fromkeys(COLUMNS, float("nan")) | {"stage_ms": {}, "deterministic": None, "failure": str(error)}
+    return nothing | _named(entry, subject, device)
+
+
+def _times(times):
+    """Medians and quartiles of turns."""
+    wall, gpu, stages = zip(*times, strict=True)
+    columns = {}
+    for name, values in (("wall_ms", wall), ("gpu_ms", gpu)):
+        quartiles = np.quantile(values, (0.25, 0.5, 0.75))
+        columns |= dict(zip((f"{name}_q1", name, f"{name}_q3"), map(float, quartiles), strict=True))
+    names = dict.fromkeys(name for each in stages for name in each)
+    medians = {name: statistics.median(each.get(name, 0.0) for each in stages) for name in names}
+    return columns | {"stage_ms": medians}
+
+
+def _chosen(entry):
+    others = EXACT_OPTIONS if entry.method == "exact" else OPTIONS
+    return chosen(entry.method, entry.parameters, others, "compare", ("methods",))
+
+
+def bytes_per_pixel(own, pipeline, lists) -> float:
+    """What the published form keeps of a pixel. Exact lists: 4 bytes and 16 a fragment, on average; in tiles none are kept.
+    NaN of a registered method that does not say."""
+    if own.method.id == "exact":
+        return 0.0 if pipeline == "tiles" else 4 + 16 * lists.stats.fragments / lists.counts.size
+    said = own.method.bytes_per_pixel(**own.parameters)
+    return float(said) if isinstance(said, int) else float("nan")
+
+
+def passes(own, lists) -> int:
+    """Over the geometry, of a scene as deep as this one."""
+    deepest = lists.stats.max_depth_complexity or 0
+    of_layers = {"depth_peeling": deepest + 1, "dual_depth_peeling": -(-deepest // 2) + 1}
+    usual = own.method.passes(**own.parameters)
+    return int(usual) if isinstance(usual, int) else of_layers[own.method.id]
