@@ -387,3 +387,17 @@ def test_moments_are_4_6_or_8():
         with pytest.raises(ParameterError, match="moments must be one of 4, 6, 8, got"):
             frags.composite("mboit", moments=bad)
     np.testing.assert_array_equal(frags.composite("mboit", moments=np.int64(6)), frags.composite("mboit", moments=6))
+
+
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+@kinds
+def test_a_fragment_at_the_nearest_depth_is_in_front_in_float32_too(kind, device, needs_gpu):
+    """Its phase is 0 on the circle, which may be rounded to the end of the zone: then all would be in front of it."""
+    depths, alphas = (3.2046447837829026, 4.01395396), (0.23, 0.48)
+    colors = [(0.7, 0.3, 0.1, alphas[0]), (0.7, 0.5, 0.6, alphas[1])]
+    sheets = ab.Mesh([[(-30, -30, -d), (30, -30, -d), (0, 60, -d)] for d in depths], colors=colors, color_mode="face")
+    camera = ab.Camera.look_at((0, 0, 0), (0, 0, -1))
+    arguments = {"width": 4, "height": 4, "method": "mboit", "depth_range": (depths[0], 4.96), **kind}
+    double = ab.render(sheets, camera, **arguments, precision="float64").image
+    single = ab.render(sheets, camera, **arguments, device=device, pipeline="tiles").image
+    np.testing.assert_allclose(single, double, atol=1e-5)

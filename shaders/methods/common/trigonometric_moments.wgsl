@@ -35,6 +35,12 @@ fn point_of(depth: f32) -> vec2f {
     return -normalize(vec2f(cos(angle), sin(angle)));
 }
 
+// That of a depth, which is not in the zone: the nearest, at 0, may be rounded to the zone's end.
+fn place_of(point: vec2f) -> f32 {
+    let place = around(point);
+    return select(place, -1.0, place > (ZONE_START + 7.0) / 2.0);
+}
+
 // Rises once around the circle, from −1 to 7, as the phase does from 0 on.
 fn around(point: vec2f) -> f32 {
     var r = abs(point.y) - abs(point.x);
@@ -168,7 +174,7 @@ fn add_root(point: vec2f, own_place: f32, t: f32) {
 fn share_before(f: Factors, depth: f32, beta: f32) -> f32 {
     let point = point_of(depth);
     let y = orthogonal(f, point);
-    let own_place = around(point);
+    let own_place = place_of(point);
     let t = real_roots(polynomial_of(f, point, y));
     nodes_begin();
     add_root(point, own_place, t.x);

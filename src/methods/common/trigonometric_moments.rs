@@ -34,6 +34,12 @@ fn point_of<T: Real>(depth: T) -> Complex<T> {
     Complex(-cos, -sin)
 }
 
+/// That of a depth, which is not in the zone: the nearest, at 0, may be rounded to the zone's end.
+fn place_of<T: Real>(point: Complex<T>) -> T {
+    let place = around(point);
+    if place > T::from_f64((zone_start() + 7.0) / 2.0) { T::from_f64(-1.0) } else { place }
+}
+
 /// Rises once around the circle, from −1 to 7, as the phase does from 0 on; piecewise rational (paper's published code).
 fn around<T: Real>(Complex(x, y): Complex<T>) -> T {
     let r = y.abs() - x.abs();
@@ -153,9 +159,9 @@ impl<T: Real> TrigonometricMoments<T> {
         let n = T::from_f64;
         let point = point_of(depth);
         let y = self.orthogonal(point);
-        let own_place = around(point);
         // In the zone it rises from 0 to 1: what is there is neither far nor near.
         let start = n(zone_start());
+        let own_place = place_of(point);
         let scale = T::ONE / (n(7.0) - start);
         let mut nodes = Nodes::new(point, beta, self.half);
         let (roots, count) = real_roots(self.polynomial(point, &y), self.half);
