@@ -127,13 +127,14 @@ $(STAMPS)/build: $(STAMPS)/packages $(RUST) $(if $(wildcard python/abuffer/_core
 .PHONY: FORCE
 FORCE:
 
-# Vulkan in software, for the GPU tests, and EGL for the comparison with pyrender.
-APT := mesa-vulkan-drivers libvulkan1 libegl1 libegl-mesa0 libgl1-mesa-dri
+# Vulkan in software, for the GPU tests, EGL for the comparison with pyrender, and a browser for the page of comparisons.
+APT := mesa-vulkan-drivers libvulkan1 libegl1 libegl-mesa0 libgl1-mesa-dri chromium chromium-driver
 
+# One by one: what a system does not have keeps nothing else away.
 .PHONY: system
-system: ## install a software Vulkan driver and EGL with apt, where they are missing and it can
+system: ## install a software Vulkan driver, EGL and Chromium with apt, where they are missing and it can
 	@if ! { command -v dpkg-query && command -v apt-get; } > /dev/null; then \
-		echo "no apt here: GPU tests need a Vulkan driver (lavapipe will do), and are skipped without"; exit 0; \
+		echo "no apt here: GPU tests need a Vulkan driver (lavapipe will do), those of pages Chromium, and are skipped without"; exit 0; \
 	fi; \
 	missing=; \
 	for package in $(APT); do \
@@ -150,10 +151,16 @@ system: ## install a software Vulkan driver and EGL with apt, where they are mis
 	else \
 		echo "installing$$missing"; \
 		export DEBIAN_FRONTEND=noninteractive; \
-		$$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends $$missing > /dev/null && exit 0; \
+		$$sudo apt-get update -qq || true; \
+		failed=; \
+		for package in $$missing; do \
+			$$sudo apt-get install -qq -y --no-install-recommends $$package > /dev/null || failed+=" $$package"; \
+		done; \
+		missing=$$failed; \
+		[[ -n $$missing ]] || exit 0; \
 		echo "!! apt-get could not install$$missing"; \
 	fi; \
-	echo "!! GPU tests are skipped without, or fail with ABUFFER_REQUIRE_GPU=1. As root: apt install$$missing"
+	echo "!! Tests are skipped without, or fail with ABUFFER_REQUIRE_GPU=1 and ABUFFER_REQUIRE_BROWSER=1. As root: apt install$$missing"
 
 .PHONY: clean
 clean: ## remove all that was built, installed or written here

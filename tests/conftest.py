@@ -1,10 +1,13 @@
-"""What all tests share: what happens to GPU tests where there is no adapter."""
+"""What all tests share: what happens to GPU tests where there is no adapter, and to those of pages without a browser."""
 
 import os
+import shutil
 
 import pytest
 
 import abuffer as ab
+
+BROWSER = ("chromium", "chromedriver")
 
 collect_ignore = ["pyrender_worker.py"]  # runs in pyrender's own environment
 
@@ -16,6 +19,16 @@ def require_adapter():
     if os.environ.get("ABUFFER_REQUIRE_GPU") == "1":
         pytest.fail("no GPU adapter, not even a software one, and ABUFFER_REQUIRE_GPU is set", pytrace=False)
     pytest.skip("no GPU adapter: install mesa-vulkan-drivers and libvulkan1")
+
+
+def require_browser():
+    """Fails under ABUFFER_REQUIRE_BROWSER=1 where there is no Chromium, and skips visibly otherwise."""
+    missing = [program for program in BROWSER if shutil.which(program) is None]
+    if not missing:
+        return
+    if os.environ.get("ABUFFER_REQUIRE_BROWSER") == "1":
+        pytest.fail(f"no {' and no '.join(missing)}, and ABUFFER_REQUIRE_BROWSER is set", pytrace=False)
+    pytest.skip(f"no {' and no '.join(missing)}: install chromium and chromium-driver")
 
 
 def pytest_runtest_setup(item):
