@@ -122,6 +122,26 @@ class Comparison:
 
         return grid(self, scene, device, labels)
 
+    def report(self, path):
+        """Writes one page of HTML, which loads nothing else. Needs jinja2 and matplotlib.
+
+        Of a scene and a device that are chosen there: time against error, a table that sorts by any column, any two images
+        with a slider between them, or their signed differences from the reference, and of a pixel that is clicked the values
+        and the fragment list. Images are shown over black, encoded with the sRGB curve and cut to [0, 1].
+
+        A page holds all images. It holds the lists of scenes of at most 500,000 fragments, and float32 values of a scene's
+        images, while it stays within 28 million characters; where it has none it says so, and gives values of 8 bits.
+
+        Args:
+            path: of the file, .html by custom.
+
+        Raises:
+            ParameterError: there are no rows. UnsupportedError: jinja2 or matplotlib is missing.
+        """
+        from .report import report
+
+        report(self, path)
+
     def save(self, folder):
         """Writes all of it to a folder: JSON, and NPZ of images and lists, which `load` reads."""
         store.save(self, folder)
