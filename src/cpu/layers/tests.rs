@@ -59,6 +59,7 @@ fn request(sort: Sort, memory: Option<u64>) -> Request {
         limit: None,
         blend_order: BlendOrder::FrontToBack,
         least_transmittance: 0.0,
+        half_targets: false,
         lists_on_gpu: ListOptions {
             rasteriser: crate::frame::Rasteriser::Hardware,
             storage: Storage::Linked,
