@@ -48,7 +48,8 @@ def compare(
         sweep: {"mlab": {"k": [2, 4, 8, 16]}}: a row for each value, drawn as a curve; of several parameters for each
             combination. Beside `methods`; where those are None, in place of that method with its defaults.
         devices: a list of devices, as `device=` of `render`. None: that of "auto".
-        repeats: frames that are timed. None: 30 on a real GPU, 5 on others.
+        repeats: frames that are timed. None: 30 on a real GPU, 5 on others. Of a method that takes seconds for one, three may
+            be all: `frames` says.
         warmup: frames before those, at least three.
         reference: "float64": exact on the CPU. Or the image itself, (H, W, 4), premultiplied; of several scenes a dict by name.
         save: a folder that the comparison is written to after every scene and device. None: none.

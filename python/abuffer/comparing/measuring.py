@@ -29,6 +29,7 @@ COLUMNS = (
     "wall_ms_q1",
     "wall_ms_q3",
     "stage_ms",
+    "frames",
     "bytes_per_pixel",
     "passes",
     *ERRORS,
@@ -46,6 +47,8 @@ SAME = 3
 OF_HOST = ("upload", "wait and readback")
 # Frames that count, where nobody says how many.
 FRAMES_ON_GPU, FRAMES_ON_CPU = 30, 5
+# Seconds of a row's frames, after which it has no more than SAME of them: peelings of hundreds of layers take one each.
+MOST_SECONDS = 10.0
 
 
 def gpu_ms(stats) -> float:
@@ -91,7 +94,7 @@ def measured(subject, device, entries, size, reference, lists, repeats, warmup, 
         step(f"{subject.name}: {entry.label}")
         own = arguments | {"method": entry.method, "pipeline": entry.pipeline} | entry.parameters
         try:
-            frames = [renderer.render(uploaded, subject.camera, **own) for _ in range(max(SAME, warmup))]
+            frames = _warmed(lambda own=own: renderer.render(uploaded, subject.camera, **own), warmup)
         except AbufferError as e:
             rows[entry.label] = _failed(entry, subject, device, e)
             continue
@@ -101,12 +104,22 @@ def measured(subject, device, entries, size, reference, lists, repeats, warmup, 
     for turn in range(repeats):
         step(f"{subject.name}: turn {turn + 1} of {repeats}")
         for own, times in turns.values():
+            if len(times) >= SAME and sum(wall for wall, *_ in times) > MOST_SECONDS * 1e3:
+                continue
             start = time.perf_counter()
             frame = renderer.render(uploaded, subject.camera, **own)
             times.append(((time.perf_counter() - start) * 1e3, gpu_ms(frame.stats), frame.stats.ms))
     for label, (_, times) in turns.items():
         rows[label] |= _times(times)
     return [{column: row[column] for column in COLUMNS} for row in rows.values()], images
+
+
+def _warmed(render_once, warmup):
+    """The first frames, SAME at least."""
+    start, frames = time.perf_counter(), []
+    while len(frames) < SAME or (len(frames) < warmup and time.perf_counter() - start < MOST_SECONDS):
+        frames.append(render_once())
+    return frames
 
 
 def _row(entry, subject, frames, reference, lists):
@@ -155,7 +168,7 @@ def _times(times):
         columns |= dict(zip((f"{name}_q1", name, f"{name}_q3"), map(float, quartiles), strict=True))
     names = dict.fromkeys(name for each in stages for name in each)
     medians = {name: statistics.median(each.get(name, 0.0) for each in stages) for name in names}
-    return columns | {"stage_ms": medians}
+    return columns | {"stage_ms": medians, "frames": len(times)}
 
 
 def _chosen(entry):

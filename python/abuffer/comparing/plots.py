@@ -15,6 +15,8 @@ COLUMNS = 3
 PANEL = (5.2, 4.2)
 # Square points of a dot: of nothing kept, and of each byte a pixel's square root.
 LEAST_DOT, DOT_OF_ROOT = 24, 9
+# Rows of a panel that have a label each; of more, the undominated ones have, and a legend tells the others.
+MOST_LABELS = 16
 MARKERS = {"tiles": "o", "hardware": "^", "linked_list": "s", "prefix_sum": "D"}
 LABELS = {
     "gpu_ms": "GPU time of a frame, ms",
@@ -42,9 +44,25 @@ def plot(compared, ax, error, scene, device):
         _panel(compared, ax, error, *cells[0])
         return ax.figure
     figure, axes = _grid(len(cells), PANEL)
-    for panel, cell in zip(axes, cells, strict=False):
-        _panel(compared, panel, error, *cell)
+    are_told = [_panel(compared, panel, error, *cell) for panel, cell in zip(axes, cells, strict=True)]
+    if not all(are_told):
+        _legend(compared, figure)
     return figure
+
+
+def _legend(compared, figure):
+    """Methods by colour, and pipelines by marker."""
+    lines = needed("matplotlib.lines", "plotting")
+    dot = {"linestyle": "", "markersize": 6}
+    handles = [
+        lines.Line2D([], [], color=color, marker="o", label=method, **dot)
+        for method, color in _colors(compared).items()
+    ]
+    used = dict.fromkeys(row["pipeline"] for row in compared.rows)
+    handles += [
+        lines.Line2D([], [], color="0.4", marker=MARKERS.get(name, "o"), label=f"@{name}", **dot) for name in used
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=7, frameon=False)
 
 
 def _known(what, name, names):
@@ -78,15 +96,14 @@ def _panel(compared, ax, error, scene, device):
     ax.grid(True, which="major", color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
     best = [row for row in compared.pareto(error) if (row["scene"], row["device"]) == (scene, device)]
-    names = list(dict.fromkeys(row["method"] for row in rows))
-    colors = _colors(len(names))
-    _staircase(ax, best, time, error)
+    colors = _colors(compared)
+    steps = _staircase(ax, best, time, error)
     for curve in dict.fromkeys(row["curve"] for row in rows if row["curve"]):
         own = [row for row in rows if row["curve"] == curve]
-        color = colors[names.index(own[0]["method"])]
+        color = colors[own[0]["method"]]
         ax.plot(*_points(own, time, error), color=color, linewidth=1, alpha=0.7, zorder=2)
     for row in rows:
-        color = colors[names.index(row["method"])]
+        color = colors[row["method"]]
         (x,), (y,) = _points([row], time, error)
         spread = [[x - row[f"{time}_q1"]], [row[f"{time}_q3"] - x]]
         ax.errorbar(x, y, xerr=np.maximum(spread, 0), color=color, linewidth=0.7, zorder=2)
@@ -94,7 +111,9 @@ def _panel(compared, ax, error, scene, device):
         edge = "black" if row in best else "white"
         marker = MARKERS.get(row["pipeline"], "o")
         ax.scatter(x, y, s=size, color=color, marker=marker, edgecolor=edge, linewidth=0.8, zorder=3)
-    _labelled(ax, rows, time, error, best)
+    all_told = len(rows) <= MOST_LABELS
+    _labelled(ax, rows if all_told else steps, time, error, best)
+    return all_told
 
 
 def _points(rows, time, error):
@@ -102,21 +121,23 @@ def _points(rows, time, error):
 
 
 def _staircase(ax, best, time, error):
-    """What is fastest at each error: down and to the right, from one undominated row to the next."""
-    steps = sorted(zip(*_points(best, time, error), strict=True))
+    """What is fastest at each error: down and to the right, from one undominated row to the next, which it returns."""
     lowest, kept = math.inf, []
-    for x, y in steps:
-        if y < lowest:
-            kept.append((x, y))
-            lowest = y
+    for row in sorted(best, key=lambda row: (row[time], row[error])):
+        if max(row[error], FLOOR) < lowest:
+            kept.append(row)
+            lowest = max(row[error], FLOOR)
     if kept:
-        ax.step(*zip(*kept, strict=True), where="post", color="0.55", linewidth=1, linestyle="--", zorder=1)
+        ax.step(*_points(kept, time, error), where="post", color="0.55", linewidth=1, linestyle="--", zorder=1)
+    return kept
 
 
-def _colors(count):
+def _colors(compared):
+    """Of each method, the same in all panels."""
     colormaps = needed("matplotlib", "plotting").colormaps
-    twenty = colormaps["tab20"].colors
-    return [twenty[(2 * i) % 20 + (2 * i) // 20 % 2] for i in range(count)]
+    every = [*colormaps["tab20"].colors[::2], *colormaps["tab20"].colors[1::2], *colormaps["tab20b"].colors]
+    methods = dict.fromkeys(row["method"] for row in compared.rows)
+    return {method: every[i % len(every)] for i, method in enumerate(methods)}
 
 
 def _labelled(ax, rows, time, error, best):
@@ -135,7 +156,15 @@ def _labelled(ax, rows, time, error, best):
         dx, dy = np.subtract((left, bottom), to_pixels((x, y))) * 72 / ax.figure.dpi
         weight = "bold" if row in best else "normal"
         ax.annotate(
-            row["label"], (x, y), (dx, dy), textcoords="offset points", fontsize=6.5, weight=weight, color="0.15"
+            row["label"],
+            (x, y),
+            (dx, dy),
+            textcoords="offset points",
+            fontsize=6.5,
+            weight=weight,
+            color="0.15",
+            clip_on=True,
+            zorder=4,
         )
 
 
