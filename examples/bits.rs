@@ -97,6 +97,7 @@ fn request(samples: u32) -> Request {
         limit: None,
         blend_order: BlendOrder::FrontToBack,
         least_transmittance: 0.0,
+        half_targets: false,
         lists_on_gpu: ListOptions {
             rasteriser: abuffer::frame::Rasteriser::Hardware,
             storage: Storage::Linked,

@@ -258,3 +258,11 @@ def test_the_depth_range_is_that_of_the_vertices_that_translucent_triangles_have
         for camera in (CAMERA, ab.Camera.look_at((0, 0, 0), (0, 0, -1)))
     ]
     assert ranges == [f"{depths.min():g} to 10004", "10 to 10000"]
+
+
+def test_a_cost_is_told_for_several_parameters():
+    row = ab.methods()["mlab"]
+    assert row["bytes per pixel"] == "32; 8 with k=1; 16 with k=2; 64 with k=8; 512 with k=64"
+    assert ab.methods()["stochastic"]["passes"] == "1; 2 with estimator='c'"
+    for id in METHODS:
+        assert set(ab.methods()[id]) >= {"title", "source", "order", "passes", "bytes per pixel", "parameters", "exact"}

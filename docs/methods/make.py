@@ -67,7 +67,9 @@ def index():
             row = METHODS[id].row()
             cells = [
                 f"[`{id}`]({id}.md)",
-                *(row[c] for c in ("title", "passes", "bytes per pixel", "parameters", "exact", "pipelines", "source")),
+                row["title"],
+                *(row[c].partition(";")[0] for c in ("passes", "bytes per pixel")),
+                *(row[c] for c in ("parameters", "exact", "pipelines", "source")),
             ]
             text += f"| {' | '.join(cells)} |\n"
     flags = list(FLAGS)
@@ -88,8 +90,8 @@ def block(method):
     rows = {
         "source": method.source,
         "fragments are taken": ORDERS[method.order],
-        "passes over the geometry": _by_parameters(method, method.passes),
-        "bytes a pixel": _by_parameters(method, method.bytes_per_pixel),
+        "passes over the geometry": method.by_parameters(method.passes),
+        "bytes a pixel": method.by_parameters(method.bytes_per_pixel),
         "exact": method.exact_when,
         "deterministic": method.deterministic,
         "pipelines": ", ".join(f"`{name}`" for name in method.pipelines),
@@ -111,26 +113,6 @@ ORDERS = {
     "submission": "in the order of submission",
     "any": "in any order",
 }
-
-
-def _by_parameters(method, cost):
-    """A cost by the defaults, and where a parameter changes it, by a few of its values."""
-    defaults = method.checked({})
-    usual = cost(**defaults)
-    text = [str(usual)]
-    for parameter in method.parameters:
-        costs = {value: cost(**defaults | {parameter.name: value}) for value in _examples(parameter)}
-        text += [f"{other} with `{parameter.name}={value!r}`" for value, other in costs.items() if other != usual]
-    return "; ".join(text)
-
-
-def _examples(parameter):
-    if parameter.choices:
-        return parameter.choices
-    if isinstance(parameter.default, bool):
-        return (False, True)
-    values = (parameter.low, parameter.default // 2, parameter.default, parameter.default * 2, parameter.high)
-    return sorted({value for value in values if parameter.low <= value <= parameter.high})
 
 
 def _values(parameter):

@@ -46,6 +46,15 @@ class Parameter:
             raise ParameterError(f"{self.name} must be an integer from {self.low} to {self.high}, got {value!r}")
         return int(number) if self.is_integer else number
 
+    def examples(self) -> tuple:
+        """Some of its values."""
+        if self.choices:
+            return self.choices
+        if isinstance(self.default, bool):
+            return False, True
+        values = {self.low, self.default // 2, self.default, self.default * 2, self.high}
+        return tuple(sorted(value for value in values if self.low <= value <= self.high and value < float("inf")))
+
     def __str__(self):
         if self.choices:
             return f"{self.name}={self.default!r} of {', '.join(map(repr, self.choices))}"
@@ -110,13 +119,22 @@ class Method:
             return "tiles", "linked_list", "prefix_sum"
         return ("tiles", "hardware") if self.is_native else ("tiles",)
 
-    def row(self) -> dict:
+    def by_parameters(self, cost) -> str:
+        """A cost with the defaults, and where a parameter changes it, with some of its values."""
         defaults = self.checked({})
+        usual = cost(**defaults)
+        text = [str(usual)]
+        for parameter in self.parameters:
+            costs = {value: cost(**defaults | {parameter.name: value}) for value in parameter.examples()}
+            text += [f"{other} with {parameter.name}={value!r}" for value, other in costs.items() if other != usual]
+        return "; ".join(text)
+
+    def row(self) -> dict:
         return {
             "title": self.title,
             "order": self.order,
-            "passes": str(self.passes(**defaults)),
-            "bytes per pixel": str(self.bytes_per_pixel(**defaults)),
+            "passes": self.by_parameters(self.passes),
+            "bytes per pixel": self.by_parameters(self.bytes_per_pixel),
             "parameters": "; ".join(map(str, self.parameters)) or "none",
             "exact": self.exact_when,
             "pipelines": ", ".join(self.pipelines),

@@ -73,7 +73,7 @@ def _adapters():
 def methods() -> Table:
     """The methods, by id: how fragments become a colour, what that takes, and when it is exact.
 
-    Passes and bytes are those of the defaults.
+    Passes and bytes are those of the defaults, and of some other parameters.
 
     >>> methods()["k_buffer"]["parameters"]
     "k=8 from 1 to 64; tail='drop' of 'drop', 'blend', 'average'"

@@ -234,7 +234,9 @@ fn native(For { variant, method, features }: For) -> Result<Composed> {
 pub fn modules(variant: &Variant) -> Vec<Composed> {
     let features = Features { culls: variant.hides, cuts_out: variant.hides, half_targets: variant.hides };
     let methods = some_methods();
-    let natives = methods.iter().filter(|method| variant.tiles && !files(method).is_empty());
+    // For over alone.
+    let is_drawn = variant.tiles && !variant.layout.mixed;
+    let natives = methods.iter().filter(|method| is_drawn && !files(method).is_empty());
     let all = natives.map(|method| native(For { variant, method, features }));
     all.chain([totals()]).map(Result::unwrap).collect()
 }
