@@ -6,7 +6,8 @@ import pytest
 import abuffer as ab
 import methods
 from abuffer import ParameterError, _core
-from abuffer._methods import FLAGS, METHODS, parameters
+from abuffer._methods import METHODS, parameters
+from abuffer.method import FLAGS
 from abuffer.own_methods import BUILT_IN
 
 CAMERA = ab.Camera.look_at((0, 0, 4), (0, 0, 0))

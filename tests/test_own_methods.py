@@ -9,7 +9,8 @@ import pytest
 import abuffer as ab
 import methods
 from abuffer import ParameterError, ShaderError, UnsupportedError
-from abuffer._methods import FLAGS, METHODS
+from abuffer._methods import METHODS
+from abuffer.method import FLAGS
 
 PAGE = Path(__file__).parents[1] / "docs" / "adding-a-method.md"
 CAMERA = ab.Camera.look_at((0, 0, 4), (0, 0, 0))

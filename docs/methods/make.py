@@ -3,7 +3,8 @@
 
 from pathlib import Path
 
-from abuffer._methods import FLAGS, METHODS
+from abuffer._methods import METHODS
+from abuffer.method import FLAGS
 from abuffer.own_methods import BUILT_IN
 
 FAMILIES = {

@@ -1,7 +1,6 @@
 """Exact order-independent transparency, with the per-pixel fragment lists behind the image."""
 
 from . import _core, scenes, testing
-from ._methods import Parameter as MethodParameter
 from .blend import BLENDS, Blend
 from .camera import Camera
 from .comparing import Comparison, compare
@@ -18,6 +17,7 @@ from .fragments import Fragments
 from .frame import Frame
 from .inspecting import inspect
 from .mesh import Mesh
+from .method import Parameter as MethodParameter
 from .own_methods import register_method
 from .render import render, render_triangles
 from .renderer import Renderer

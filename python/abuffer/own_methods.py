@@ -7,6 +7,7 @@ import numpy as np
 
 from . import _check, _core, _methods, options
 from .errors import ParameterError
+from .method import FLAGS, Method, Parameter
 
 BUILT_IN = frozenset(_methods.METHODS)
 
@@ -69,15 +70,15 @@ def register_method(
         raise ParameterError(f"numpy must be a function of arrays, got {numpy!r}")
     _check.choice("order", order, ("submission", "any", "front_to_back") if wgsl is None else ("submission", "any"))
     for flag in flags:
-        _check.choice("flags", flag, [name for name in _methods.FLAGS if name != "modes"])
-    parameters = (parameters,) if isinstance(parameters, _methods.Parameter) else tuple(parameters)
-    if not all(isinstance(parameter, _methods.Parameter) for parameter in parameters):
+        _check.choice("flags", flag, [name for name in FLAGS if name != "modes"])
+    parameters = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
+    if not all(isinstance(parameter, Parameter) for parameter in parameters):
         raise ParameterError(f"parameters must be abuffer.MethodParameter, got {parameters!r}")
     _check_parameters(parameters)
     if wgsl is not None and not isinstance(wgsl, str):
         raise ParameterError(f"wgsl must be text, got {type(wgsl).__name__}")
-    passes = _methods.Parameter("passes", 1, "", low=1, high=1 << 16).checked(passes)
-    method = _methods.Method(
+    passes = Parameter("passes", 1, "", low=1, high=1 << 16).checked(passes)
+    method = Method(
         id=id,
         title=title or id,
         source=source or "your own",
@@ -95,7 +96,7 @@ def register_method(
         defaults = _methods.Chosen(method, method.checked({}))
         has_loops = _core.check_method(id, wgsl, defaults.constants(), "k" in method.options)
         if loops is not None:
-            loops = _methods.Parameter("loops", 0, "", high=1 << 16).checked(loops)
+            loops = Parameter("loops", 0, "", high=1 << 16).checked(loops)
         method = replace(method, loops=loops if has_loops else 0)
     _methods.METHODS[id] = method
 
