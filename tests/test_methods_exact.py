@@ -1,15 +1,11 @@
-"""Closed forms of `exact`: the colours of stacks that can be said in a formula, and what changes no bit."""
+"""Closed forms of `exact`: the colours of lists that can be said in a formula."""
 
 import numpy as np
 import pytest
 
-import abuffer as ab
 import methods
 
 U64 = 2.0**-53
-CAMERA = ab.Camera.look_at((0, 0, 4), (0, 0, 0))
-SIZE = {"width": 61, "height": 45}
-DEVICES = ["cpu", "gpu"]
 
 
 def stack(colors, alphas, background=(0, 0, 0, 0), **options):
@@ -69,59 +65,3 @@ def test_n_layers_of_alpha_1_over_n_approach_1_minus_1_over_e():
     assert abs(stack(np.ones(1000), 1 / 1000)[0] - 0.632305) < 5e-7
     # (1 − 1/n)ⁿ = (1 − 1/(2n) + …) / e
     assert abs(stack(np.ones(100_000), 1e-5)[0] - (1 - np.exp(-1))) < 0.51 * np.exp(-1) * 1e-5
-
-
-def triangles(n=40, seed=3):
-    """Random triangles and a colour of each, all values of float32."""
-    rng = np.random.default_rng(seed)
-    corners = rng.uniform(-1, 1, (n, 1, 3)) + rng.uniform(-0.6, 0.6, (n, 3, 3))
-    return corners.astype(np.float32), rng.uniform(0.05, 1, (n, 4)).astype(np.float32)
-
-
-def rendered(corners, colors, device, background=(0.25, 0.5, 0.125, 0.5), **options):
-    mesh = ab.Mesh(corners, colors=colors)
-    return ab.render(mesh, CAMERA, **SIZE, device=device, pipeline="tiles", background=background, **options)
-
-
-@pytest.mark.parametrize("device", DEVICES)
-def test_inserted_layers_of_alpha_0_change_no_bit(device, needs_gpu):
-    """T + 0, T · 1 and C + 0 · c are exact."""
-    corners, colors = triangles()
-    more, their_colors = triangles(seed=4)
-    mixed, mixed_colors = np.empty((80, 3, 3), np.float32), np.empty((80, 4), np.float32)
-    mixed[::2], mixed[1::2] = corners, more
-    mixed_colors[::2], mixed_colors[1::2] = colors, their_colors * np.float32([1, 1, 1, 0])
-    wanted = rendered(corners, colors, device)
-    image = rendered(mixed, mixed_colors, device).image
-    np.testing.assert_array_equal(image, wanted.image)
-    mixed_colors[1::2, 3] = 1e-3  # as it would show
-    assert np.abs(rendered(mixed, mixed_colors, device).image - wanted.image).max() > 1e-4
-
-
-@pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("method", ["exact", "depth_peeling", "dual_depth_peeling"])
-def test_what_is_behind_alpha_1_changes_no_bit(device, method, needs_gpu):
-    """0 times any colour is 0."""
-    corners, colors = triangles(12)
-    wall = np.float32([[-9, -9, 0.2], [9, -9, 0.2], [0, 9, 0.2]])
-    images = []
-    for shown in (1.0, 0.3):
-        meshes = [ab.Mesh(wall, colors=(0.2, 0.3, 0.4, 1.0)), ab.Mesh(corners + [0, 0, 2], colors=colors)]
-        meshes.append(ab.Mesh(corners - [0, 0, 2], colors=colors * np.float32(shown)))
-        images.append(ab.render(meshes, CAMERA, **SIZE, device=device, pipeline="tiles", method=method).image)
-    np.testing.assert_array_equal(*images)
-
-
-@pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("method", ["exact", "wboit"])
-def test_colours_scaled_by_a_power_of_two_scale_every_bit(device, method, needs_gpu):
-    """Exponents alone change, where nothing overflows: products and sums round alike."""
-    corners, colors = triangles()
-    image = rendered(corners, colors, device, method=method).image
-    for k in (-8, 1, 10):
-        scale = np.float32([2.0**k] * 3 + [1])
-        scaled = rendered(corners, colors * scale, device, (np.float32([0.25, 0.5, 0.125, 0.5]) * scale), method=method)
-        np.testing.assert_array_equal(scaled.image, image * scale)
-    third = np.float32([3, 3, 3, 1])  # which is none
-    scaled = rendered(corners, colors * third, device, np.float32([0.25, 0.5, 0.125, 0.5]) * third, method=method)
-    assert (scaled.image != image * third).any()
