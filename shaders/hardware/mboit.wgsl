@@ -20,6 +20,9 @@ struct Second {
 // Weights are e^(this − F): a common factor, which keeps all but the farthest of a thousand layers from being 0, and
 // bright ones from overflowing; 16 bits have less room for it.
 const LIFT = select(64.0, 8.0, HALF_TARGETS);
+// A weight is no less than e^this, which a float holds with all its digits: where even the nearest of hundreds of opaque
+// layers is behind so much absorbance, they have equal weights, and the pixel is their mean, not black.
+const LEAST = select(-80.0, -8.0, HALF_TARGETS);
 
 fn first(s: State) -> First {
     return First(vec4f(s.moments.total, 0.0, 0.0, 0.0), low_moments(s.moments), high_moments(s.moments));
@@ -36,7 +39,7 @@ fn seen_once(pixel: vec2u) -> State {
 }
 
 fn second(s: State) -> Second {
-    return Second(s.shade.sum * exp(LIFT - s.shade.least));
+    return Second(s.shade.sum * exp(max(LIFT - s.shade.least, LEAST)));
 }
 
 fn seen_all(pixel: vec2u) -> State {
