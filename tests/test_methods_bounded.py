@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-import abuffer as ab
 import methods
+from comparison import CPU32, GPU_TILES
+from sheets import render, sheets
 
 # Of what is the same sum in another order, in float64.
 ROUNDINGS = 1e-13
@@ -236,78 +237,16 @@ def test_mlab_of_8_is_no_worse_than_of_4(n, alpha):
     assert rmse(n, alpha, "mlab", k=8) <= rmse(n, alpha, "mlab", k=4)
 
 
-# ---- extremes ----
+# ---- what is left out ----
 
 
-def panes(colors):
-    """As many triangles behind each other, each over the whole view, the nearest first."""
-    n = len(colors)
-    corners = np.tile(np.float64([[-9, -9, 0], [9, -9, 0], [0, 18, 0]]), (n, 1, 1))
-    corners[..., 2] = -np.arange(n)[:, None]
-    return ab.Mesh(corners, colors=colors)
-
-
-def render(mesh, id, device="cpu", precision="float32", **options):
-    camera = ab.Camera.orthographic((0, 0, 1), (0, 0, 0), height=2)
-    return ab.render(
-        mesh, camera, width=3, height=2, method=id, device=device, pipeline="tiles", precision=precision, **options
-    )
-
-
-# Of n equal panes one behind the other: how many count.
-COUNTING = {
-    "mlab": lambda n: n,
-    "hybrid": lambda n: n,
-    "adaptive": lambda n: n,
-    "bucket_peeling": lambda n: min(n, 32),
-    "stencil_routed": lambda n: min(n, 8),
-}
-# Layers, alpha, colour. On GPUs no more than software drivers take.
-EXTREMES = [(100, 1.0, 1.0), (100, 1e-7, 1.0), (60, 0.3, 1e4), (5000, 0.004, 1.0), (5000, 1e-7, 1e4), (2000, 0.9, 1e4)]
-
-
-@pytest.mark.parametrize(("n", "alpha", "color"), EXTREMES)
-@pytest.mark.parametrize("id", COUNTING)
-def test_equal_layers_reach_their_closed_form_at_the_extremes(id, n, alpha, color, needs_gpu):
-    """c (1 − (1 − α)ᵐ) of those that count, within the 2 (m + 1) u that `over` rounds in float32, and 2e-5."""
-    mesh = panes(np.tile(np.float32([color, color / 2, 0, alpha]), (n, 1)))
-    alpha = float(np.float32(alpha))
-    m = COUNTING[id](n)
-    with np.errstate(divide="ignore"):
-        coverage = -np.expm1(m * np.log1p(-alpha))
-    wanted = coverage * np.array([color, color / 2, 0, 1])
-    for device, precision in (("cpu", "float64"), ("cpu", "float32"), ("gpu", "float32")):
-        if device == "gpu" and n > 100:
-            continue
-        image = render(mesh, id, device, precision).image
-        u = methods.U if precision == "float32" else 2.0**-53
-        rtol = 2 * (m + 1) * u + (2e-5 if precision == "float32" else 1e-13)
-        np.testing.assert_allclose(image, np.broadcast_to(wanted, image.shape), rtol=rtol)
-
-
-@pytest.mark.parametrize("variant", methods.variants(COUNTING), ids=methods.name_of)
-def test_mixed_extremes_stay_finite_and_between_black_and_the_brightest(variant):
-    """Thousands of layers of alphas 0 to 1 and colours up to 1e4, over black."""
-    id, options = variant
-    rng = np.random.default_rng(7)
-    colors = np.float32(10.0 ** rng.uniform(-4, 4, (3000, 4)))
-    alphas = np.float32([0, 1e-30, 1e-7, 1e-3, 0.5, 1 - 1e-7, 1])
-    colors[:, 3] = rng.choice(alphas, 3000, p=[0.2, 0.2, 0.2, 0.39, 0.006, 0.002, 0.002])
-    for first in (0, 1, 2, 3):
-        for precision in ("float64", "float32"):
-            image = render(panes(colors[first:]), id, precision=precision, background=(0, 0, 0, 1), **options).image
-            assert np.isfinite(image).all()
-            assert (image >= 0).all()
-            assert (image[..., :3] <= colors[..., :3].max(axis=0) * (1 + 1e-5)).all()
-            np.testing.assert_allclose(image[..., 3], 1, rtol=1e-5)
-
-
-@pytest.mark.parametrize("device", ["cpu", "gpu"])
-@pytest.mark.parametrize("id", COUNTING)
-def test_what_is_left_out_is_counted(id, device, needs_gpu):
+@pytest.mark.parametrize("pipeline", [CPU32, GPU_TILES], ids=str)
+@pytest.mark.parametrize("id", ["mlab", "hybrid", "adaptive", "bucket_peeling", "stencil_routed"])
+def test_what_is_left_out_is_counted(id, pipeline):
     """Merged, or dropped by the methods that show nothing of it."""
     options = {"buckets": 4} if id == "bucket_peeling" else {"k": 4}
-    stats = render(panes([(1, 0, 0, 0.5)] * 11), id, device, **options).stats
+    scene = sheets(np.arange(1, 12), [(1, 0, 0, 0.5)] * 11)
+    stats = render(pipeline, scene, id, width=3, height=2, **options).stats
     found = (stats.merged_fragments, stats.dropped_fragments)
     drops = id in ("bucket_peeling", "stencil_routed")
     assert found == ((0, 3 * 2 * 7) if drops else (3 * 2 * 7, 0))
