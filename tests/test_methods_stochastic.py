@@ -42,6 +42,31 @@ def test_deviations_are_below_their_bound():
         assert deviation.max() > 0.2 / (2 * np.sqrt(draws))  # the bound is not far
 
 
+def mean_errors(estimator, draws, alpha=1.0):
+    """|mean error| and the deviation of that mean, of five random lists and three channels, each in 20,000 pixels."""
+    pixels, found = 20_000, []
+    for seed, n in enumerate((3, 4, 4, 6, 8)):
+        lists = methods.random_stacks(n, pixels=1, seed=seed, alpha=0.9)
+        exact = methods.lists_of(*lists, GREY).composite()[0, 0, :3]
+        depths, colors, order = (np.broadcast_to(array, (pixels, *array.shape[1:])) for array in lists)
+        frags = methods.lists_of(depths, colors * (1, 1, 1, alpha), order, GREY)
+        off = frags.composite("stochastic", draws=draws, estimator=estimator, seed=seed)[0, :, :3] - exact
+        found.append((np.abs(off.mean(axis=0)), off.std(axis=0) / np.sqrt(pixels)))
+    return np.array(found).transpose(1, 0, 2)
+
+
+@ESTIMATORS
+@pytest.mark.parametrize("draws", [1, 4, 16, 64])
+def test_an_estimate_is_within_five_deviations_and_its_bias_of_the_exact_colour(estimator, draws):
+    """The mean of draws has no bias; ratios have R / (10 S) at most, R = 1, and show it where S is small."""
+    bias = 0 if estimator == "a" else 1 / (10 * draws)
+    mean, deviation = mean_errors(estimator, draws)
+    assert (mean < bias + 5 * deviation).all()
+    assert estimator == "a" or draws > 4 or (mean > 5 * deviation).any()
+    mean, deviation = mean_errors(estimator, draws, alpha=0.4)  # which would be seen
+    assert (mean > bias + 5 * deviation).any()
+
+
 @ESTIMATORS
 def test_ratios_of_estimates_are_biased_by_the_order_of_one_over_draws(estimator):
     """White before black, in 40,000 pixels. The mean of draws has no bias."""
