@@ -8,6 +8,7 @@ import pytest
 import abuffer as ab
 import scenes
 from comparison import CPU32, CPU64, GPU, GPU_TILES
+from sheets import everywhere
 
 EVERY = pytest.mark.parametrize("pipeline", [CPU32, CPU64, GPU, GPU_TILES], ids=str)
 FLOAT32 = pytest.mark.parametrize("pipeline", [CPU32, GPU, GPU_TILES], ids=str)
@@ -58,6 +59,52 @@ def test_what_lies_exactly_at_far_is_kept(pipeline, depth, kind):
     assert (pipeline.render(ab.Mesh(wall), camera, width=4, height=4, fragments="count").counts == 1).all()
     beyond = np.nextafter(wall, 2 * wall) * np.float32(1.001)
     assert (pipeline.render(ab.Mesh(beyond), camera, width=4, height=4, fragments="count").counts == 0).all()
+
+
+# Of depths from a near of 1e-6 to 1e6, pairs that are 2⁻²⁰ of their depth apart.
+NEAR = 1e-6
+PAIRS = np.sort(np.outer([1, 1 + 2.0**-20], np.geomspace(1.5 * NEAR, 1e6, 20)).ravel())
+IN_PAIRS = np.c_[np.random.default_rng(25).uniform(0, 1, (40, 3)), np.full(40, 0.08)].astype(np.float32)
+
+
+def over(colors):
+    color, through = np.zeros(4), 1.0
+    for *rgb, alpha in colors.astype(float):
+        color += through * alpha * np.array([*rgb, 1])
+        through *= 1 - alpha
+    return color
+
+
+@pytest.mark.parametrize(("method", "pipeline"), everywhere(["exact", "depth_peeling", "dual_depth_peeling"]), ids=str)
+def test_layers_keep_their_order_over_twelve_orders_of_magnitude(method, pipeline):
+    order = np.random.default_rng(26).permutation(40)
+    corners = np.array([[-9, -9, -1], [27, -9, -1], [-9, 27, -1]]) * PAIRS[order, None, None]
+    camera = ab.Camera.look_at((0, 0, 0), (0, 0, -1), near=NEAR)
+    frame = pipeline.render(
+        ab.Mesh(corners, colors=IN_PAIRS[order]), camera, width=2, height=1, method=method, fragments=True
+    )
+    wanted = over(IN_PAIRS)
+    np.testing.assert_allclose(frame.image, np.broadcast_to(wanted, (1, 2, 4)), rtol=(3 * 40 + 2) * 2.0**-24)
+    for pixel in (frame.fragments[0, 0], frame.fragments[0, 1]):
+        np.testing.assert_array_equal(order[pixel.primitive], np.arange(40))
+        # 1/w and its interpolation round some times.
+        np.testing.assert_allclose(pixel.depth, PAIRS, rtol=4 * 2.0**-24)
+
+
+def test_standard_z_would_tie_all_but_the_nearest_of_them_and_reversed_z_none():
+    """z = 1 − n/d in float32: all beyond n 2²⁵ are at 1. Ties go by submission, here the nearest first, so that the
+    farthest is in front."""
+    depths, near = PAIRS.astype(np.float32), np.float32(NEAR)
+    standard, reversed_ = 1 - near / depths, near / depths
+    assert standard.dtype == np.float32
+    np.testing.assert_array_equal(standard == 1, depths > NEAR * 2**25)
+    assert (PAIRS > NEAR * 2**25).sum() > 10
+    assert (np.diff(reversed_) < 0).all()
+    drawn = np.lexsort((-np.arange(40), standard))
+    assert (drawn != np.arange(40)).any()
+    off = np.abs(over(IN_PAIRS[drawn]) - over(IN_PAIRS))
+    assert off[:3].max() > 0.01 > 1e-12 > off[3]  # alpha does not depend on the order
+    np.testing.assert_array_equal(np.argsort(-reversed_, kind="stable"), np.arange(40))
 
 
 @EVERY
