@@ -26,7 +26,7 @@ def tied_stacks(n, seed=0):
 @pytest.mark.parametrize("stacks", [methods.random_stacks, tied_stacks], ids=["apart", "tied"])
 @pytest.mark.parametrize("method", PEELINGS)
 def test_peelings_are_exact(method, stacks):
-    """But for the order of roundings: front to back γ_{2n+2} C, from both ends γ_{3n+2} C at most (METHODS 6.1)."""
+    """But for the order of roundings: front to back γ_{2n+2} C, from both ends γ_{3n+2} C at most."""
     for n in (1, 2, 3, 4, 5, 12, 40):
         frags = methods.lists_of(*stacks(n), background=BEHIND)
         np.testing.assert_allclose(frags.composite(method), frags.composite(), rtol=(5 * n + 4) * U64, atol=0)
@@ -62,7 +62,7 @@ def pair(colors):
 @pytest.mark.parametrize("device", ["cpu", "gpu"])
 @pytest.mark.parametrize("method", PEELINGS)
 def test_a_triangle_that_is_drawn_twice_is_peeled_twice(method, device, needs_gpu):
-    """The later in front: T7 of the specification of methods, where depth alone would lose one."""
+    """The later in front, where depth alone would lose one."""
     red, green = (1, 0, 0, 0.5), (0, 1, 0, 0.25)
     for colors, wanted in (((red, green), (0.375, 0.25, 0.1875, 0.8125)), ((green, red), (0.5, 0.125, 0.1875, 0.8125))):
         frame = ab.render(
@@ -162,7 +162,7 @@ def test_unsorted_is_exact_where_fragments_come_back_to_front():
 
 
 def test_one_adjacent_swap_is_off_by_the_swap_identity():
-    """ΔC = T_a α_a α_b (c_a − c_b), a in front of b: METHODS 0.2."""
+    """ΔC = T_a α_a α_b (c_a − c_b), a in front of b."""
     n, at = 9, 3
     depths, colors, _ = methods.random_stacks(n)
     colors = front_to_back(depths, colors)

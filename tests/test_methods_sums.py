@@ -140,7 +140,7 @@ def ratios(method, **options):
 
 @pytest.mark.parametrize(("method", "options"), [("wboit", {"weight": "none"}), ("weighted_sum", {})])
 def test_without_weights_of_depth_errors_have_a_second_order_bound(method, options):
-    """T24 of the specification of methods: nearly reached, never exceeded."""
+    """Nearly reached, never exceeded."""
     found = ratios(method, **options)
     assert len(found) > 10_000
     assert 0.97 < found.max() <= 1 + 1e-6  # roundings of 1e-15 over a bound of 1e-9
@@ -151,7 +151,7 @@ def test_weights_of_depth_break_that_bound(weight):
     assert ratios("wboit", weight=weight, **RANGE).max() > 2
 
 
-# RMSE of stacks of random window depths and colours in front of .5, by how many and the greatest alpha: METHODS 3.11,
+# RMSE of stacks of random window depths and colours in front of .5, by how many and the greatest alpha:
 # unweighted, by equation 10, and as a weighted average.
 BANDS = {
     (4, 0.9): (0.095, 0.068, 0.096),
@@ -159,7 +159,7 @@ BANDS = {
     (8, 0.9): (0.161, 0.083, 0.161),
     (16, 0.9): (0.187, 0.120, 0.187),
     (64, 0.2): (0.066, 0.033, 0.066),
-    # And its 3.4, of thin media; averages are as unweighted sums there.
+    # And of thin media; averages are as unweighted sums there.
     (8, 0.1): (4.8e-3, 4.1e-2, 4.8e-3),
     (8, 0.01): (5.5e-5, 5.5e-3, 5.5e-5),
     (8, 0.001): (5.9e-7, 5.4e-4, 5.9e-7),
@@ -255,7 +255,7 @@ def test_equations_7_to_9_depend_on_the_scale_of_the_scene_and_exact_does_not():
 
 @pytest.mark.parametrize("weight", ["7", "8", "9"])
 def test_half_precision_overflows_at_22_near_layers_and_ours_at_none(weight):
-    """T10 of the specification of methods: 22 · 3000 > 65504."""
+    """22 · 3000 > 65504."""
     share = np.float16(weights_of(weight, 1e-6, 1.0))
     total, finite = np.float16(0), []
     with np.errstate(over="ignore"):
