@@ -57,12 +57,10 @@ def layers(n, alpha, color):
 
 
 def too_deep(id, pipeline, n):
-    """What software drivers do not take: loops of more turns, and as many passes over the geometry."""
-    if id == "exact" or pipeline.device == "cpu":
-        return False
-    if "peeling" in id:
-        return n > (20 if pipeline.pipeline == "tiles" else 100)
-    return n > 100 and pipeline is not HARDWARE
+    """What software drivers do not take, loops of more turns; and a peeling has a pass over all layers for each of them."""
+    if id.endswith("depth_peeling"):
+        return n > (2000 if pipeline.device == "cpu" else 100 if pipeline is HARDWARE else 20)
+    return n > 100 and id != "exact" and pipeline.device == "gpu" and pipeline is not HARDWARE
 
 
 def image(id, pipeline, n, alpha, color):
