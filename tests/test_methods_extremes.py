@@ -28,8 +28,6 @@ EXTREMES = [
 ]
 # Of equal layers, how many count, where that is not all of them.
 COUNTING = {"k_buffer": 8, "stencil_routed": 8, "bucket_peeling": 32}
-# What of an alpha of 1 is taken for it.
-MOST_ALPHA = {"wavelet": 1 - 1e-5, "fourier": 1 - 1e-5, "mboit": 1 - 2.0**-24}
 
 
 def coverage(alpha, n):
@@ -43,7 +41,6 @@ def closed_form(id, n, alpha, color):
         return np.array([*(n * alpha * color), 0])
     if id == "weighted_sum":
         return n * alpha * np.array([*color, 1])
-    alpha = min(alpha, MOST_ALPHA.get(id, 1))
     return coverage(alpha, min(n, COUNTING.get(id, n))) * np.array([*color, 1])
 
 
