@@ -22,9 +22,9 @@ ROOT = Path(__file__).parents[1]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
 # Pages whose examples run.
 CONVENTIONS, LISTS, BLENDING = DOCS / "conventions.md", DOCS / "lists.md", DOCS / "blending.md"
-ADDING, SCENES = DOCS / "adding-a-method.md", DOCS / "scenes.md"
+ADDING, SCENES, COMPARING = (DOCS / f"{name}.md" for name in ("adding-a-method", "scenes", "comparing"))
 PAGES = pytest.mark.parametrize(
-    "page", [README, CONVENTIONS, LISTS, BLENDING, ADDING, SCENES], ids=lambda page: page.stem
+    "page", [README, CONVENTIONS, LISTS, BLENDING, ADDING, SCENES, COMPARING], ids=lambda page: page.stem
 )
 
 
