@@ -11,7 +11,8 @@ from PIL import Image
 
 import abuffer as ab
 from abuffer import bench, measured
-from abuffer.__main__ import LONG, _status, main
+from abuffer.__main__ import main
+from abuffer.commands.progress import LONG, status
 
 OBJ = """\
 v -1 -1 0
@@ -257,7 +258,7 @@ def test_warnings_are_one_line(model, tmp_path):
     assert "texture" in line
 
 
-def test_an_error_of_the_process_is_its_exit_status(tmp_path):
+def test_an_error_of_the_process_is_its_exitstatus(tmp_path):
     command = [sys.executable, "-m", "abuffer", "render", "nothing.obj", "-o", "a.png"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
@@ -266,21 +267,21 @@ def test_an_error_of_the_process_is_its_exit_status(tmp_path):
 
 
 def test_nothing_is_shown_of_progress_unless_stderr_is_a_terminal(capsys):
-    with _status("rendering"):
+    with status("rendering"):
         time.sleep(LONG + 0.1)
     assert capsys.readouterr() == ("", "")
 
 
 def test_long_work_shows_progress_on_a_terminal(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich takes stderr for a terminal then
-    with _status("rendering"):
+    with status("rendering"):
         time.sleep(LONG + 0.3)
     assert "rendering" in capsys.readouterr().err
 
 
 def test_short_work_shows_nothing_on_a_terminal(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
-    with _status("rendering"):
+    with status("rendering"):
         pass
     assert "rendering" not in capsys.readouterr().err
 
@@ -288,7 +289,7 @@ def test_short_work_shows_nothing_on_a_terminal(capsys, monkeypatch):
 def test_without_rich_there_is_no_progress(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setitem(sys.modules, "rich.console", None)
-    with _status("rendering"):
+    with status("rendering"):
         time.sleep(LONG + 0.1)
     assert capsys.readouterr() == ("", "")
 
