@@ -5,7 +5,7 @@ import sys
 import warnings
 
 import abuffer as ab
-from abuffer.commands import bench, render
+from abuffer.commands import bench, compare, inspect, render
 
 
 def main(argv=None) -> int:
@@ -34,7 +34,7 @@ def _parser():
     )
     parser.add_argument("--version", action="version", version=f"abuffer {ab.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (render, bench):
+    for command in (render, compare, inspect, bench):
         command.add(commands)
     devices = commands.add_parser("devices", help="print the devices that can render", description="Prints devices.")
     devices.set_defaults(run=lambda _: print(ab.devices()))
