@@ -10,7 +10,7 @@ from .._methods import METHODS
 from ..comparing import store
 from ..comparing.extras import needed
 from .arguments import SCENES, SUITES, add_models, add_size, scenes_of
-from .progress import steps
+from .progress import status, steps
 
 DPI = 110  # of the plot
 
@@ -90,8 +90,9 @@ def _run(given):
                 resume=given.resume,
                 progress=step,
             )
-        compared.plot().savefig(folder / "plot.png", dpi=DPI)
-        compared.report(folder / "report.html")
+        with status("writing the report"):
+            compared.plot().savefig(folder / "plot.png", dpi=DPI)
+            compared.report(folder / "report.html")
     except KeyboardInterrupt:
         kept = f"finished scenes are in {given.output!r}" if store.holds(folder) else "no scene was finished"
         print(f"abuffer: stopped: {kept}; the same command with --resume goes on from there", file=sys.stderr)
