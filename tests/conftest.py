@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -9,7 +11,8 @@ import abuffer as ab
 
 BROWSER = ("chromium", "chromedriver")
 
-collect_ignore = ["pyrender_worker.py"]  # runs in pyrender's own environment
+# Peers are run by what benchmarks run them by. Last: both have a scenes.py.
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 
 def require_adapter():

@@ -10,7 +10,7 @@ import pytest
 
 import abuffer as ab
 import oracle
-import pyrender_env
+import peers_protocol
 import scenes
 from comparison import CPU32, CPU64, assert_frame_matches
 
@@ -29,9 +29,8 @@ CLOSE = 1 / 16  # pixels: drivers snap vertices to a grid of their own, of 4 bit
 @pytest.fixture(scope="module", autouse=True)
 def pyrender():
     """pyrender draws here. Where it cannot, for want of EGL or of the network, its tests are skipped, and say why."""
-    nothing = {"meshes": [], "camera": {"pose": np.eye(4), "yfov": 1.0, "znear": 0.1}, "background": BACKGROUND}
     try:
-        pyrender_env.render(nothing, 4, 4)
+        boards().by_pyrender()
     except RuntimeError as error:
         if os.environ.get("ABUFFER_REQUIRE_GPU") == "1":
             pytest.fail(f"pyrender does not run here: {error}")
@@ -43,8 +42,7 @@ class Objects:
 
     def __init__(self, eye, meshes):
         """meshes: of (positions, faces, rgba, pose)."""
-        self.pose = translation(eye)
-        self.camera = ab.Camera.from_pose(self.pose, fov_y=FOV_Y)
+        self.camera = ab.Camera.from_pose(translation(eye), fov_y=FOV_Y)
         self.meshes = meshes
         self.scene = ab.Scene()
         for positions, faces, rgba, pose in meshes:
@@ -52,13 +50,9 @@ class Objects:
 
     def by_pyrender(self):
         """(H, W, 3) in 0..255."""
-        names = ("positions", "faces", "rgba", "pose")
-        scene = {
-            "meshes": [dict(zip(names, mesh, strict=True)) for mesh in self.meshes],
-            "camera": {"pose": self.pose, "yfov": np.radians(FOV_Y), "znear": 0.05},
-            "background": BACKGROUND,
-        }
-        return pyrender_env.render(scene, WIDTH, HEIGHT)[..., :3].astype(np.float64)
+        origins = [pose[:3, 3] for *_, pose in self.meshes]
+        arrays = peers_protocol.arrays_of(self.scene, self.camera, (WIDTH, HEIGHT), BACKGROUND, origins)
+        return 255 * peers_protocol.drawn("pyrender", "sorted objects", arrays, repeats=1).image[..., :3]
 
     def by_us(self, precision=CPU64):
         size = {"width": WIDTH, "height": HEIGHT}
