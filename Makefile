@@ -54,6 +54,10 @@ lint: $(STAMPS)/test ## formatting, clippy, ruff, and which file may name which 
 	@! grep -rnE '\b(pyo3|numpy)::' src | grep -v '^src/python/' || { echo "only src/python may name pyo3 and numpy"; exit 1; }
 	@! grep -rnE '\bwgpu::' src | grep -vE '^src/(gpu|shader)/' || { echo "only src/gpu and src/shader may name wgpu"; exit 1; }
 
+.PHONY: peers
+peers: system $(STAMPS)/build ## time and error of other renderers beside ours, to out/peers.md
+	$(BIN)/python benchmarks/peers.py --markdown out/peers.md --json out/peers.json
+
 # ---- products and sums in one rounding ----
 
 BITS := .cache/bits

@@ -3,6 +3,9 @@
 The peers here are fakes, which run in this Python; tests/test_pyrender.py has a real one.
 """
 
+import json
+import os
+import subprocess
 import sys
 import textwrap
 from pathlib import Path
@@ -16,6 +19,7 @@ import peers_protocol
 from abuffer._srgb import encode_srgb
 
 SIZE = WIDTH, HEIGHT = 32, 24
+COMMAND = Path(peers_protocol.__file__).with_name("peers.py")
 BACKGROUND = (0.25, 0.5, 0.75)
 CAMERA = ab.Camera.look_at((0.5, 0.25, 9), (0, 0, 0))
 
@@ -227,3 +231,41 @@ def test_an_environment_that_was_left_half_made_is_made_again(tmp_path, commands
 def test_without_pins_a_peer_runs_in_this_python(tmp_path, commands):
     assert peers_environment.python_of(tmp_path / "peer.py") == Path(sys.executable)
     assert commands == []
+
+
+def test_peers_and_methods_are_rows_of_one_table(fake, tmp_path):
+    """One peer draws the background alone, another cannot draw."""
+    blank = fake("return np.broadcast_to(scene.background, (*shape, 3))", name="blank")
+    broken = fake("raise ValueError('no | driver')", name="broken")
+    paths = tmp_path / "new" / "rows.json", tmp_path / "new" / "table.md"
+    command = [sys.executable, COMMAND, "--scenes", "intersecting", "--size", "32", "24", "--repeats", "2"]
+    command += ["--peers", blank, f"{broken}:fast", "--json", paths[0], "--markdown", paths[1]]
+    # No driver there: a table of the CPU's.
+    environment = os.environ | {"VK_ICD_FILENAMES": "/nowhere", "VK_DRIVER_FILES": "/nowhere"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, encoding="utf-8")
+    assert (done.returncode, done.stderr) == (0, "")
+
+    rows = {row["renderer"]: row for row in json.loads(paths[0].read_text())["rows"]}
+    ours = ["exact, cpu", "wboit, cpu", "mlab, cpu", "depth_peeling, cpu"]
+    assert list(rows) == [*ours, "blank", "broken, fast"]
+    assert all(len(rows[name]["ms"]) == 3 and not rows[name]["failure"] for name in (*ours, "blank"))
+    assert rows["exact, cpu"]["errors"]["max_abs"] < 1e-6 < rows["wboit, cpu"]["errors"]["max_abs"]
+
+    standard = ab.scenes.intersecting()
+    grey = round(255 * standard.background[0]) / 255
+    look = {"width": WIDTH, "height": HEIGHT, "background": (grey,) * 3, "precision": "float64", "fragments": "count"}
+    eight = [m.replaced(colors=np.uint8(np.round(255 * m.colors)), color_mode="face") for m in standard.scene.meshes]
+    exact = ab.render(eight, standard.camera, **look)
+    off = np.abs(exact.image[..., :3] - grey)
+    assert rows["blank"]["errors"]["rmse"] == pytest.approx(np.sqrt((off**2).mean()))
+    assert (
+        rows["blank"]["errors_off_edges"]["max_abs"] <= rows["blank"]["errors"]["max_abs"] == pytest.approx(off.max())
+    )
+    assert rows["blank"]["coverage_differs"] == np.count_nonzero(exact.counts) > 100
+
+    assert "ValueError: no | driver" in rows["broken, fast"]["failure"]
+    text = paths[1].read_text(encoding="utf-8")
+    assert "| broken, fast |  | cannot: ValueError: no / driver |" in text
+    assert "| blank | 1.2 | paper |  |" in text
+    tables = [line.count("|") for line in text.splitlines() if line.startswith(("| blank |", "| broken", "| exact"))]
+    assert len(set(tables[1:])) == 1  # after that of peers, all rows are as long
