@@ -32,7 +32,7 @@ SCENES = (
 )  # fmt: skip
 OURS = {
     "cpu": ("exact", "wboit", "mlab", "depth_peeling"),
-    "gpu": ("exact", "wboit@hardware", "mlab", "depth_peeling@hardware"),
+    "gpu": ("exact", "exact@linked_list", "wboit@hardware", "mlab", "depth_peeling@hardware"),
 }
 PEERS = (
     "pyrender:sorted objects",
