@@ -59,7 +59,7 @@ def run(command, timeout):
     """Runs `command`; the Pythons among them with `-I`, so that a PYTHONPATH meant for others does not reach them.
 
     Raises:
-        RuntimeError: it failed, with its stderr, or takes longer than `timeout` seconds.
+        RuntimeError: it failed, or takes longer than `timeout` seconds, with its stderr; the last line says most.
     """
     shown = " ".join(map(str, command))
     try:
@@ -68,7 +68,8 @@ def run(command, timeout):
         )
     except subprocess.TimeoutExpired as error:
         stderr = (error.stderr or b"").decode(errors="replace")
-        raise RuntimeError(f"{stderr}\n{shown}: not done after {timeout} s") from error
+        raise RuntimeError(f"{shown}\n{stderr}\nnot done after {timeout:g} s") from error
     if done.returncode:
-        stderr = done.stderr.decode(errors="replace").strip()
-        raise RuntimeError(f"{shown}: exit status {done.returncode}\n{stderr}")
+        status = f"exit status {done.returncode}"
+        stderr = done.stderr.decode(errors="replace").strip() or status
+        raise RuntimeError(f"{shown}: {status}\n{stderr}")
