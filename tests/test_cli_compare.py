@@ -124,7 +124,9 @@ def test_several_devices_and_pipelines_are_compared_and_a_failure_is_a_line(tmp_
 
 
 def without_times(rows):
-    return json.dumps([{name: value for name, value in row.items() if "_ms" not in name and name != "frames"} for row in rows])
+    return json.dumps(
+        [{name: value for name, value in row.items() if "_ms" not in name and name != "frames"} for row in rows]
+    )
 
 
 MANY = ("--methods", "exact", "wboit", "--width", "64", "--height", "48", "--device", "cpu", "--repeats", "150")
