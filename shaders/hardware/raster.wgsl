@@ -22,6 +22,9 @@ struct Varyings {
     @location(1) @interpolate(perspective, centroid) depth: f32,
     @location(2) @interpolate(flat) primitive: u32,
     @location(3) @interpolate(flat) mesh: u32,
+    // Of a triangle of one colour: interpolated, alpha 1 may be a little less on some GPUs, and let something through.
+    @location(4) @interpolate(flat) own_color: vec4f,
+    @location(5) @interpolate(flat) has_gradient: u32,
 }
 
 fn position_of(vertex: u32, mesh: MeshInfo) -> vec4f {
@@ -61,6 +64,8 @@ fn drawn(index: u32, wants_opaque: bool) -> Varyings {
     let z = select(view.z_offset - v.depth * view.z_scale, view.near, view.perspective == 1u);
     v.position = vec4f(dot(eye.rows[0], p), dot(eye.rows[1], p), z, w);
     v.color = colors[color];
+    v.own_color = v.color;
+    v.has_gradient = mesh.flags & GRADIENT;
     v.primitive = triangle;
     v.mesh = id;
     return v;
@@ -84,14 +89,15 @@ fn fragment_of(v: Varyings, is_front: bool) -> Fragment {
         let cull = meshes[v.mesh].cull;
         is_none |= (cull == CULL_BACK && !is_front) || (cull == CULL_FRONT && is_front);
     }
+    // Interpolation may round past what corners have.
+    let smooth_color = vec4f(max(v.color.rgb, vec3f(0.0)), clamp(v.color.a, 0.0, 1.0));
+    let color = select(v.own_color, smooth_color, v.has_gradient != 0u);
     if CUTS_OUT {
-        is_none |= v.color.a < meshes[v.mesh].alpha_cutoff;
+        is_none |= color.a < meshes[v.mesh].alpha_cutoff;
     }
     if is_none {
         discard;
     }
-    // Interpolation may round past what corners have.
-    let color = vec4f(max(v.color.rgb, vec3f(0.0)), clamp(v.color.a, 0.0, 1.0));
     return Fragment(color, v.depth, sort_key(value), v.primitive, 0u);
 }
 
