@@ -179,6 +179,25 @@ def test_a_resumed_comparison_is_that_of_an_uninterrupted_one(tmp_path):
     assert without_times(ab.Comparison.load(tmp_path).rows) == without_times(whole.rows)
 
 
+def test_what_cannot_be_resumed_is_refused(tmp_path):
+    arguments = {"camera": CAMERA, **QUICK, "methods": ["exact", "wboit"], "save": tmp_path}
+    ab.compare({"sheets": SHEETS}, **SIZE, **arguments)
+    with pytest.raises(ParameterError, match="holds a comparison: give resume=True"):
+        ab.compare({"sheets": SHEETS}, **SIZE, **arguments)
+    with pytest.raises(ParameterError, match="sheets was measured at 48×36, and 40×30 is asked for"):
+        ab.compare({"sheets": SHEETS}, width=40, height=30, **arguments, resume=True)
+    with pytest.raises(ParameterError, match=r"sheets was measured with other methods \(mlab, wboit\)"):
+        ab.compare({"sheets": SHEETS}, **SIZE, **arguments | {"methods": ["exact", "mlab"]}, resume=True)
+
+
+def test_a_folder_is_overwritten_whole(tmp_path, compared):
+    other = ab.compare(ab.scenes.cyclic(), **SIZE, **QUICK, methods=["exact"])
+    other.save(tmp_path)
+    compared.save(tmp_path)
+    again = ab.Comparison.load(tmp_path)
+    np.testing.assert_array_equal(again.exact["sheets"].image, compared.exact["sheets"].image)
+
+
 def test_progress_counts_every_step():
     steps = []
     ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, methods=["exact", "wboit"], progress=lambda *step: steps.append(step))

@@ -71,11 +71,17 @@ def compare(
     devices = ["auto"] if devices is None else devices
     if isinstance(devices, str):
         raise ParameterError(f"devices must be a list, got {devices!r}: give [{devices!r}]")
+    if save is not None and not resume and store.holds(save):
+        raise ParameterError(f"{str(save)!r} holds a comparison: give resume=True to go on with it, or another folder")
     if resume and save is None:
         raise ParameterError("resume continues what save holds: give the folder as save=")
     cells = [(subject, device, device_name(device)) for subject in all_subjects for device in devices]
     asked = {name: entries(methods, sweep, is_gpu=name != "cpu") for _, _, name in cells}
     compared = store.load(save) if resume and store.holds(save) else Comparison([], environment(devices))
+    for subject, _, name in cells:
+        _check_same(
+            compared, subject, name, _image_size(width, height, subject.camera, subject.background), asked[name]
+        )
     left = [cell for cell in cells if (cell[0].name, cell[2]) not in compared.cells]
     counts = {device: _repeats(repeats, device) for _, device, _ in cells}
     steps = _Steps(progress, sum(len(asked[name]) + counts[device] for _, device, name in left))
@@ -88,6 +94,22 @@ def compare(
         if save is not None:
             compared.save(save)
     return compared
+
+
+def _check_same(compared, subject, device, size, asked):
+    """Raises a ParameterError if what was measured of a scene and a device is not what is asked for now."""
+    exact = compared.exact.get(subject.name)
+    if exact is not None and exact.image.shape[1::-1] != size:
+        height, width = exact.image.shape[:2]
+        raise ParameterError(
+            f"{subject.name} was measured at {width}×{height}, and {size[0]}×{size[1]} is asked for: save to another folder"
+        )
+    measured = {row["label"] for row in compared.select(scene=subject.name, device=device)}
+    labels = {entry.label for entry in asked}
+    if measured and measured != labels:
+        raise ParameterError(
+            f"{subject.name} was measured with other methods ({', '.join(sorted(measured ^ labels))}): save to another folder"
+        )
 
 
 def _repeats(repeats, device):

@@ -28,6 +28,7 @@ class Comparison:
     def __init__(self, rows, environment):
         self.rows, self.environment = rows, environment
         self.rendered, self.references, self.exact = {}, {}, {}
+        self.written = set()  # exact frames, by file and scene: see store.py
 
     def __repr__(self):
         return f"Comparison({len(self.rows)} rows: {len(self.scenes)} scenes, {len(self.devices)} devices)"

@@ -28,8 +28,9 @@ def save(compared, folder):
         arrays = {str(place): compared.rendered[key] for place, key in enumerate(keys)}
         _replaced(folder / f"images-{i}.npz", lambda path, a=arrays, s=scene: _write(path, a, compared.references[s]))
         exact = folder / f"exact-{i}.npz"
-        if not exact.exists():  # it does not change
+        if (exact.resolve(), scene) not in compared.written:  # it does not change
             _replaced(exact, lambda path, s=scene: compared.exact[s].save(path))
+            compared.written.add((exact.resolve(), scene))
         scenes.append({"name": scene, "images": [list(key[1:]) for key in keys]})
     head = {"format": FORMAT, "environment": compared.environment, "scenes": scenes, "rows": compared.rows}
     # Last: what it names is there.
@@ -61,6 +62,8 @@ def load(folder):
     for i, scene in enumerate(head["scenes"]):
         name, arrays = scene["name"], archive.read_npz(folder / f"images-{i}.npz")
         compared.references[name] = arrays["reference"]
-        compared.exact[name] = Frame.load(folder / f"exact-{i}.npz")
+        exact = folder / f"exact-{i}.npz"
+        compared.exact[name] = Frame.load(exact)
+        compared.written.add((exact.resolve(), name))
         compared.rendered |= {(name, *key): arrays[str(place)] for place, key in enumerate(scene["images"])}
     return compared
