@@ -63,20 +63,24 @@ def main():
     arguments = parser.parse_args()
     devices = ["cpu", *(["gpu"] if any("hardware" in row["pipelines"] for row in ab.devices().values()) else [])]
     where = environment(devices)
-    lines, rows = [], []
+    sections, rows = [], []
     for name in arguments.scenes:
         own, said = measured(of_8_bits(getattr(ab.scenes, name)()), devices, arguments)
         section = [f"## {name}", "", said, "", *table(own), ""]
         print("\n".join(section), flush=True)
         rows += own
-        lines += section
-    lines = [*told(where, arguments), "", *peers_of(rows), "", *lines]
-    if arguments.markdown:
-        arguments.markdown.parent.mkdir(parents=True, exist_ok=True)
-        arguments.markdown.write_text("\n".join(lines), encoding="utf-8")
-    if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps({"environment": where, "rows": rows}, indent=1), encoding="utf-8")
+        sections += section
+        # After every scene: it takes long.
+        if arguments.markdown:
+            lines = [*told(where, arguments), "", *peers_of(rows), "", *sections]
+            _write(arguments.markdown, "\n".join(lines))
+        if arguments.json:
+            _write(arguments.json, json.dumps({"environment": where, "rows": rows}, indent=1))
+
+
+def _write(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
 
 
 def of_8_bits(standard):
