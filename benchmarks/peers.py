@@ -155,7 +155,7 @@ def _cells(row, base, count):
         said = "cannot: " + row["failure"].strip().splitlines()[-1].replace("|", "/")
         return [row["renderer"], row["device"], said, *[""] * (count - 3)]
     low, middle, high = row["ms"]
-    few = "" if row["frames"] >= 5 else f", {row['frames']} frames"
+    few = "" if row["frames"] >= 5 else f", frames: {row['frames']}"
     cells = [row["renderer"], row["device"], f"{_ms(middle)} ({_ms(low)}–{_ms(high)}{few})", f"{middle / base:.2f}"]
     for found in (row["errors"], row["errors_off_edges"]):
         cells += [f"{255 * found['rmse']:.3f}", f"{255 * found['max_abs']:.2f}", f"{found['over_1_255']:.2%}"]
