@@ -78,15 +78,14 @@ def compare(
     cells = [(subject, device, device_name(device)) for subject in all_subjects for device in devices]
     asked = {name: entries(methods, sweep, is_gpu=name != "cpu") for _, _, name in cells}
     compared = store.load(save) if resume and store.holds(save) else Comparison([], environment(devices))
+    sizes = {each.name: _image_size(width, height, each.camera, each.background) for each in all_subjects}
     for subject, _, name in cells:
-        _check_same(
-            compared, subject, name, _image_size(width, height, subject.camera, subject.background), asked[name]
-        )
+        _check_same(compared, subject, name, sizes[subject.name], asked[name])
     left = [cell for cell in cells if (cell[0].name, cell[2]) not in compared.cells]
     counts = {device: _repeats(repeats, device) for _, device, _ in cells}
     steps = _Steps(progress, sum(len(asked[name]) + counts[device] for _, device, name in left))
     for subject, device, name in left:
-        size = _image_size(width, height, subject.camera, subject.background)
+        size = sizes[subject.name]
         exact = compared.exact.get(subject.name) or reference_of(subject, size, MOST_FRAGMENTS)
         wanted = _reference(reference, subject, exact, size)
         rows, images = measured(subject, device, asked[name], size, wanted, exact, counts[device], warmup, steps.step)

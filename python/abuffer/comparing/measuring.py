@@ -11,7 +11,7 @@ from ..errors import AbufferError
 from ..options import EXACT_OPTIONS, OPTIONS
 from ..render import render
 from ..renderer import Renderer
-from . import bounds
+from .bounds import Bounds
 from .metrics import ERRORS, errors
 
 COLUMNS = (
@@ -89,7 +89,7 @@ def measured(subject, device, entries, size, reference, lists, repeats, warmup, 
     renderer = Renderer(device)
     uploaded = renderer.upload(subject.scene)
     arguments = {"width": size[0], "height": size[1], "background": subject.background}
-    rows, images, turns = {}, {}, {}
+    rows, images, turns, bounds = {}, {}, {}, Bounds(subject, size)
     for entry in entries:
         step(f"{subject.name}: {entry.label}")
         own = arguments | {"method": entry.method, "pipeline": entry.pipeline} | entry.parameters
@@ -98,7 +98,7 @@ def measured(subject, device, entries, size, reference, lists, repeats, warmup, 
         except AbufferError as e:
             rows[entry.label] = _failed(entry, subject, device, e)
             continue
-        rows[entry.label] = _row(entry, subject, frames, reference, lists)
+        rows[entry.label] = _row(entry, subject, frames, reference, lists, bounds)
         images[entry.label] = frames[0].image
         turns[entry.label] = (own, [])
     for turn in range(repeats):
@@ -122,7 +122,7 @@ def _warmed(render_once, warmup):
     return frames
 
 
-def _row(entry, subject, frames, reference, lists):
+def _row(entry, subject, frames, reference, lists, bounds):
     frame = frames[0]
     stats = frame.stats
     images = [other.image.tobytes() for other in frames[:SAME]]
@@ -135,7 +135,7 @@ def _row(entry, subject, frames, reference, lists):
         "merged": stats.merged_fragments,
         "dropped": stats.dropped_fragments,
         "deterministic": len(set(images)) == 1,
-        "error_bound": bounds.proven(entry, subject, lists),
+        "error_bound": bounds.proven(entry),
         "failure": "",
         **errors(frame.image, reference, lists.counts > 0),
     }
