@@ -123,7 +123,8 @@ fn unwritten(view: &wgpu::TextureView) -> Option<wgpu::RenderPassColorAttachment
     })
 }
 
-fn texture(
+/// To draw into and read; copied from and to, where it has one sample.
+pub fn texture(
     gpu: &Gpu,
     label: &str,
     format: wgpu::TextureFormat,
@@ -139,7 +140,7 @@ fn texture(
         sample_count,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: if sample_count > 1 { both } else { both | Usage::COPY_DST },
+        usage: if sample_count > 1 { both } else { both | Usage::COPY_DST | Usage::COPY_SRC },
         view_formats: &[],
     })
 }

@@ -8,6 +8,7 @@ use crate::frame::Request;
 use crate::gpu::buffers::{Bound, bind, with_contents};
 use crate::gpu::device::Gpu;
 use crate::gpu::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
+use crate::gpu::targets::texture;
 use crate::gpu::tiles::Ready;
 use crate::gpu::timing::Timing;
 use crate::gpu::uniforms::MethodUniform;
@@ -123,8 +124,8 @@ impl<'a> Canvas<'a> {
             let scene = bind(gpu, "drawn scene", &stages.scene_layout, &scene);
             let mut bytes = 0;
             let size = if variant.hides { ready.size } else { (1, 1) };
-            let opaque_color = texture(gpu, "opaque colour", COLOR_FORMAT, size, 1, &mut bytes);
-            let opaque_depth = texture(gpu, "opaque depth", DEPTH_FORMAT, size, 1, &mut bytes);
+            let opaque_color = counted(gpu, "opaque colour", COLOR_FORMAT, size, 1, &mut bytes);
+            let opaque_depth = counted(gpu, "opaque depth", DEPTH_FORMAT, size, 1, &mut bytes);
             let behind = [(&ready.background).into(), (&opaque_color).into()];
             Ok(Self {
                 gpu,
@@ -159,7 +160,7 @@ impl<'a> Canvas<'a> {
         samples: u32,
     ) -> Result<wgpu::TextureView> {
         let (gpu, size) = (self.gpu, self.size);
-        gpu.checked("the targets", || Ok(texture(gpu, label, format, size, samples, &mut self.bytes)))
+        gpu.checked("the targets", || Ok(counted(gpu, label, format, size, samples, &mut self.bytes)))
     }
 
     /// A pass over opaque geometry, where there is some.
@@ -274,27 +275,16 @@ fn attachments<'a>(targets: &[Target<'a>]) -> Vec<Option<wgpu::RenderPassColorAt
     targets.iter().map(|target| Some(attachment(target))).collect()
 }
 
-fn texture(
+/// One that counts among `bytes`.
+fn counted(
     gpu: &Gpu,
     label: &str,
     format: wgpu::TextureFormat,
-    (width, height): (u32, u32),
-    sample_count: u32,
+    size: (u32, u32),
+    samples: u32,
     bytes: &mut u64,
 ) -> wgpu::TextureView {
-    use wgpu::TextureUsages as Usage;
     let each = u64::from(format.block_copy_size(None).unwrap_or(4));
-    *bytes += each * u64::from(width) * u64::from(height) * u64::from(sample_count);
-    let copied = if sample_count == 1 { Usage::COPY_SRC } else { Usage::empty() };
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | copied,
-        view_formats: &[],
-    });
-    texture.create_view(&Default::default())
+    *bytes += each * u64::from(size.0) * u64::from(size.1) * u64::from(samples);
+    texture(gpu, label, format, size, samples).create_view(&Default::default())
 }
