@@ -44,7 +44,6 @@ PEERS = (
 )
 # Pixels: drivers snap vertices to a grid of their own. What is nearer to an edge may be covered or not.
 CLOSE = 1 / 64
-BASE = "exact, cpu"  # what times are divided by
 ROW = {"renderer": "", "device": "", "version": "", "notes": "", "ms": [], "failure": ""}
 
 
@@ -57,16 +56,18 @@ def main():
     parser.add_argument(
         "--peers", nargs="*", default=PEERS, metavar="NAME:VARIANT", help="or a path of a script like those there"
     )
+    parser.add_argument("--devices", nargs="+", choices=OURS, help="of our methods; default: all there are")
     parser.add_argument("--wheels", type=Path, help="a folder of wheels, in place of the network")
     parser.add_argument("--markdown", type=Path)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    devices = ["cpu", *(["gpu"] if any("hardware" in row["pipelines"] for row in ab.devices().values()) else [])]
+    has_gpu = any("hardware" in row["pipelines"] for row in ab.devices().values())
+    devices = arguments.devices or (["cpu", "gpu"] if has_gpu else ["cpu"])
     where = environment(devices)
     sections, rows = [], []
     for name in arguments.scenes:
         own, said = measured(of_8_bits(getattr(ab.scenes, name)()), devices, arguments)
-        section = [f"## {name}", "", said, "", *table(own), ""]
+        section = [f"## {name}", "", said, "", *table(own, f"exact, {devices[0]}"), ""]
         print("\n".join(section), flush=True)
         rows += own
         sections += section
@@ -114,7 +115,7 @@ def measured(standard, devices, arguments):
         compared = ab.compare(standard, **look, **told)
         for row in compared.rows:
             own = ROW | {"renderer": f"{row['label']}, {device}", "device": row["device"], "failure": row["failure"]}
-            own |= {"ms": [row["wall_ms_q1"], row["wall_ms"], row["wall_ms_q3"]], "frames": arguments.repeats}
+            own |= {"ms": [row["wall_ms_q1"], row["wall_ms"], row["wall_ms_q3"]], "frames": row["frames"]}
             image = compared.rendered.get((row["scene"], row["device"], row["label"]))
             rows.append(own if image is None else own | judged(image))
     for peer in arguments.peers:
@@ -142,10 +143,10 @@ def by_peer(peer, standard, size, arguments):
     return own | said | {"ms": quartiles, "frames": len(found.ms)}, found
 
 
-def table(rows):
-    """A scene's lines in markdown; errors in 1/255."""
-    base = next((row["ms"][1] for row in rows if row["renderer"] == BASE and not row["failure"]), math.nan)
-    head = ["renderer", "device", "ms, median (quartiles)", f"÷ {BASE}"]
+def table(rows, base_name):
+    """A scene's lines in markdown; errors in 1/255, times also divided by those of the renderer `base_name`."""
+    base = next((row["ms"][1] for row in rows if row["renderer"] == base_name and not row["failure"]), math.nan)
+    head = ["renderer", "device", "ms, median (quartiles)", f"÷ {base_name}"]
     head += [f"{what}{where}" for where in ("", ", off edges") for what in ("RMSE", "max", "over 1/255")]
     return lines_of([*head, "pixels covered otherwise"], [_cells(row, base, len(head) + 1) for row in rows])
 

@@ -158,7 +158,8 @@ def test_ctrl_c_keeps_what_is_done_and_resume_measures_the_rest(tmp_path):
     assert json.dumps(rows[:2]) == json.dumps(kept)  # with their times, which no second measurement would repeat
     whole = run(tmp_path, "compare", "cyclic", "smoke", "-o", "whole", *MANY[:-1], "1")
     assert whole.returncode == 0, whole.stderr
-    assert without_times(rows) == without_times(ab.Comparison.load(tmp_path / "whole").rows)
+    resumed, whole = (ab.Comparison.load(tmp_path / folder).rows for folder in ("out", "whole"))
+    assert without_times(resumed) == without_times(whole)
     assert (tmp_path / "out" / "report.html").exists()
 
 
@@ -182,6 +183,8 @@ def test_a_comparison_is_not_measured_over_unless_it_is_resumed(compared):
         (["compare", "cyclic", "--methods", "mlab:kk=3"], "did you mean 'k'?"),
         (["compare", "cyclic", "--methods", "mlab:k=0"], "k must be"),
         (["compare", "cyclic", "--methods", "mlab:k"], "as in mlab:k=8, got 'mlab:k'"),
+        (["compare", "cyclic", "--methods", "mlab:k=2,k=4"], "gives each parameter once"),
+        (["compare", "cyclic", "--methods", "mlab:method=exact"], "gives each parameter once"),
         (["compare", "cyclic", "--methods", "mlab:"], "as in mlab:k=8, got 'mlab:'"),
         (["compare", "cyclic", "--sweep", "mlab"], "as in mlab:k=2,4,8, got 'mlab'"),
         (["compare", "cyclic", "--sweep", "mlap:k=1,2"], "did you mean 'mlab'?"),

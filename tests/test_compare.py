@@ -1,7 +1,7 @@
 """Comparisons: rows say what methods cost and how far off they are, and planted ones land where they should."""
 
-import json
 import math
+import time
 
 import numpy as np
 import pytest
@@ -11,21 +11,9 @@ from abuffer import ParameterError
 from abuffer._methods import METHODS
 from abuffer.comparing.entries import entries
 from abuffer.comparing.measuring import COLUMNS
+from abuffer.comparing.metrics import FLOOR
 from abuffer.own_methods import BUILT_IN
-
-SIZE = {"width": 48, "height": 36}
-QUICK = {"devices": ["cpu"], "repeats": 2, "warmup": 3}
-
-
-def sheets(*colors):
-    """Triangles over the whole view, the first the farthest."""
-    return ab.Mesh(
-        [[(-30, -30, z), (30, -30, z), (0, 60, z)] for z in range(len(colors))], colors=colors, color_mode="face"
-    )
-
-
-SHEETS = sheets((1, 0, 0, 0.5), (0, 1, 0, 0.25), (0, 0, 1, 0.75))
-CAMERA = ab.Camera.look_at((0, 0, 9), (0, 0, 0))
+from comparisons import CAMERA, QUICK, SHEETS, SIZE
 
 
 @pytest.fixture(scope="module")
@@ -81,24 +69,63 @@ def test_no_error_exceeds_its_bound(compared):
     assert all(row["max_abs"] <= row["error_bound"] for row in bounded)
 
 
-def test_a_slow_and_a_wrong_method_land_where_they_should():
-    """Planted: a method that is exact and slow is dominated, one that is fast and wrong is not exact."""
+def grey(color, depth, primitive, behind):
+    return behind * 0 + 0.5
 
-    def wrong(color, depth, primitive, behind):
-        return behind * 0 + 0.5
 
-    ab.register_method("planted_wrong", title="grey", source="none", order="any", passes=1, numpy=wrong)
-    try:
-        entries = ["exact", "planted_wrong", {"method": "depth_peeling", "label": "slow"}]
-        found = ab.compare(SHEETS, CAMERA, width=160, height=120, devices=["cpu"], repeats=5, methods=entries)
-        rows = {row["label"]: row for row in found.rows}
-        assert rows["planted_wrong"]["max_abs"] == pytest.approx(0.5 - 0.25 * 0.25, rel=1e-6)
-        assert rows["planted_wrong"]["rmse"] > 0.1 > rows["exact"]["rmse"]
-        # As slow as is sure, whatever else the machine does.
-        rows["slow"].update(wall_ms_q1=10 * rows["exact"]["wall_ms_q3"], rmse=rows["exact"]["rmse"])
-        assert rows["slow"] not in found.pareto() and rows["exact"] in found.pareto()
-    finally:
-        del METHODS["planted_wrong"]
+@pytest.fixture
+def planted():
+    """Registers methods, and takes them back."""
+    yield lambda id, numpy: ab.register_method(id, order="any", numpy=numpy)
+    for id in set(METHODS) - BUILT_IN:
+        del METHODS[id]
+
+
+def test_a_slow_and_a_wrong_method_land_where_they_should(planted):
+    """Planted: one that is exact and slow is dominated, and so is one that is slow and wrong."""
+
+    def slow(color, depth, primitive, behind):
+        time.sleep(0.05)
+        alpha = color[..., 3:]
+        front = np.concatenate([np.ones_like(alpha[:, :1]), np.cumprod(1 - alpha, axis=1)], axis=1)
+        layers = np.concatenate([alpha * color[..., :3], alpha], axis=2) * front[:, :-1]
+        return layers.sum(axis=1) + front[:, -1] * behind * np.array([*[1, 1, 1], 1])
+
+    planted("planted_wrong", grey)
+    ab.register_method("planted_slow", order="front_to_back", numpy=slow)
+    methods = ["exact", "planted_wrong", "planted_slow"]
+    found = ab.compare(SHEETS, CAMERA, **SIZE, devices=["cpu"], repeats=3, methods=methods)
+    rows = {row["label"]: row for row in found.rows}
+    assert rows["planted_wrong"]["max_abs"] == pytest.approx(0.5 - 0.25 * 0.25, rel=1e-6)
+    assert rows["planted_wrong"]["rmse"] > 0.1
+    assert rows["planted_slow"]["rmse"] < FLOOR
+    assert rows["planted_slow"]["wall_ms_q1"] > 50 > rows["exact"]["wall_ms_q3"]
+    assert found.pareto() == [rows["exact"]]
+
+
+def test_what_has_other_bits_each_time_is_not_deterministic(planted):
+    values = iter(np.linspace(0, 1, 100))
+    planted("planted_noise", lambda color, depth, primitive, behind: behind * 0 + next(values))
+    found = ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, methods=["exact", "planted_noise"])
+    assert [row["deterministic"] for row in found.rows] == [True, False]
+
+
+@pytest.mark.parametrize("at_call", [1, 5])
+def test_what_a_users_function_raises_is_a_row_that_says_so(planted, at_call):
+    """Before turns, and in one of them."""
+    calls = []
+
+    def fails(color, depth, primitive, behind):
+        calls.append(None)
+        if len(calls) >= at_call:
+            raise ValueError("planted")
+        return behind * 0
+
+    planted("planted_failure", fails)
+    found = ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, methods=["planted_failure", "exact"])
+    failure, exact = found.rows
+    assert "planted" in failure["failure"] and exact["failure"] == ""
+    assert list(found.images_of()) == ["exact"]
 
 
 def row(label, q1, q3, rmse):
@@ -113,6 +140,36 @@ def test_dominance_is_not_claimed_where_quartiles_overlap():
     assert [each["label"] for each in best] == ["fast", "close", "better"]
 
 
+def test_quartiles_that_touch_overlap():
+    fast, slow = row("fast", 1, 2, 0.1), row("slow", 2, 3, 0.1)
+    assert ab.Comparison([fast, slow], {}).pareto() == [fast, slow]
+
+
+def test_roundings_of_float32_order_no_row_before_another():
+    fast, slow = row("fast", 1, 1, 9e-7), row("slow", 2, 2, 1e-8)
+    assert ab.Comparison([fast, slow], {}).pareto() == [fast]
+    fast["rmse"] = 1.1e-6
+    assert ab.Comparison([fast, slow], {}).pareto() == [fast, slow]
+
+
+def test_what_has_no_finite_error_is_not_among_the_best():
+    rows = [row("good", 1, 1, 0.0), row("unknown", 9, 9, math.nan), row("broken", 0.1, 0.1, math.inf)]
+    assert ab.Comparison(rows, {}).pareto() == rows[:1]
+
+
+@pytest.mark.parametrize("error", ["psnr", "ssim", "label", "rsme"])
+def test_more_of_an_error_is_worse(error):
+    with pytest.raises(ParameterError, match="error must be one of 'rmse', 'max_abs'"):
+        ab.Comparison([row("one", 1, 1, 0.1)], {}).pareto(error)
+
+
+def test_times_of_a_gpu_are_those_that_all_rows_have():
+    failed = row("failed", 1, 1, 0.1) | {"failure": "it cannot"}
+    on_gpu = row("on gpu", 1, 1, 0.1) | {"gpu_ms": 0.5}
+    assert ab.Comparison([on_gpu, failed], {}).time_column() == "gpu_ms"
+    assert ab.Comparison([on_gpu, row("on cpu", 1, 1, 0.1)], {}).time_column() == "wall_ms"
+
+
 def test_a_row_does_not_dominate_itself_nor_rows_of_another_scene():
     one, other = row("one", 1, 1, 0.1), row("other", 2, 2, 0.1) | {"scene": "t"}
     assert ab.Comparison([one, other], {}).pareto() == [one, other]
@@ -125,77 +182,6 @@ def test_what_fails_is_a_row_that_says_why():
     assert (exact["failure"], wboit["label"]) == ("", "wboit")
     assert "is for blend=\"over\" alone, and there is 'additive'" in wboit["failure"]
     assert math.isnan(wboit["rmse"]) and found.pareto() == [exact]
-
-
-def test_a_reference_of_ones_own_is_what_errors_are_of():
-    grey = np.full((36, 48, 4), 0.5)
-    found = ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, methods=["exact"], reference=grey)
-    assert found.rows[0]["max_abs"] == pytest.approx(0.5 - 0.0625)
-    with pytest.raises(ParameterError, match="reference must be an image of 36×48×4"):
-        ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, reference=grey[:-1])
-    with pytest.raises(ParameterError, match='reference must be "float64" or an image'):
-        ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, reference="float32")
-
-
-def test_it_is_saved_and_loaded_whole(compared, tmp_path):
-    compared.save(tmp_path)
-    again = ab.Comparison.load(tmp_path)
-    assert json.dumps(again.rows) == json.dumps(compared.rows)
-    assert again.environment == compared.environment
-    assert list(again.rendered) == list(compared.rendered)
-    for key, image in compared.rendered.items():
-        np.testing.assert_array_equal(again.rendered[key], image)
-    for scene in compared.scenes:
-        np.testing.assert_array_equal(again.references[scene], compared.references[scene])
-        np.testing.assert_array_equal(again.exact[scene].fragments.depth, compared.exact[scene].fragments.depth)
-    with pytest.raises(ParameterError, match="holds no comparison"):
-        ab.Comparison.load(tmp_path / "nothing")
-
-
-def without_times(rows):
-    return json.dumps([{name: value for name, value in row.items() if "_ms" not in name} for row in rows])
-
-
-def test_a_resumed_comparison_is_that_of_an_uninterrupted_one(tmp_path):
-    scenes = {"sheets": SHEETS, "random": ab.scenes.random_triangles(n=60), "cyclic": ab.scenes.cyclic()}
-    arguments = {"camera": CAMERA, **SIZE, **QUICK, "methods": ["exact", "wboit"]}
-    whole = ab.compare(scenes, **arguments)
-
-    def interrupt(done, all, what):
-        if what.startswith("random: turn 2"):
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        ab.compare(scenes, **arguments, save=tmp_path, progress=interrupt)
-    assert ab.Comparison.load(tmp_path).scenes == ["sheets"]
-    measured = []
-    resumed = ab.compare(
-        scenes, **arguments, save=tmp_path, resume=True, progress=lambda done, all, what: measured.append(what)
-    )
-    assert not any(what.startswith("sheets") for what in measured)
-    assert without_times(resumed.rows) == without_times(whole.rows)
-    for key, image in whole.rendered.items():
-        np.testing.assert_array_equal(resumed.rendered[key], image)
-    assert without_times(ab.Comparison.load(tmp_path).rows) == without_times(whole.rows)
-
-
-def test_what_cannot_be_resumed_is_refused(tmp_path):
-    arguments = {"camera": CAMERA, **QUICK, "methods": ["exact", "wboit"], "save": tmp_path}
-    ab.compare({"sheets": SHEETS}, **SIZE, **arguments)
-    with pytest.raises(ParameterError, match="holds a comparison: give resume=True"):
-        ab.compare({"sheets": SHEETS}, **SIZE, **arguments)
-    with pytest.raises(ParameterError, match="sheets was measured at 48×36, and 40×30 is asked for"):
-        ab.compare({"sheets": SHEETS}, width=40, height=30, **arguments, resume=True)
-    with pytest.raises(ParameterError, match=r"sheets was measured with other methods \(mlab, wboit\)"):
-        ab.compare({"sheets": SHEETS}, **SIZE, **arguments | {"methods": ["exact", "mlab"]}, resume=True)
-
-
-def test_a_folder_is_overwritten_whole(tmp_path, compared):
-    other = ab.compare(ab.scenes.cyclic(), **SIZE, **QUICK, methods=["exact"])
-    other.save(tmp_path)
-    compared.save(tmp_path)
-    again = ab.Comparison.load(tmp_path)
-    np.testing.assert_array_equal(again.exact["sheets"].image, compared.exact["sheets"].image)
 
 
 def test_progress_counts_every_step():
@@ -247,15 +233,54 @@ def test_a_sweep_of_several_parameters_has_all_combinations():
         ({"methods": "wboit"}, "methods must be a list"),
         ({"methods": ["wboit", "wboit"]}, "wboit: compared twice"),
         ({"methods": []}, "methods is empty"),
+        ({"methods": 5}, r"give \[5\]"),
+        ({"methods": [{"method": "wboit@hardware", "pipeline": "tiles"}]}, "are two: give one of them"),
+        ({"methods": ["wboit@"]}, "pipeline of wboit must be one of"),
+        ({"methods": [{"method": "wboit", "label": "reference"}]}, "a label must be text other than 'reference'"),
+        ({"methods": [{"method": "wboit", "label": b"x"}]}, "a label must be text"),
+        ({"sweep": ["mlab"]}, "sweep must be a dict such as"),
+        ({"sweep": {"mlab": {"k": 4}}}, r"must be a list, got 4: give \[4\]"),
+        ({"sweep": {"mlab": {"k": []}}}, "has no values"),
         ({"sweep": {"mlab": [2, 4]}}, "must be a dict of parameters and their values"),
         ({"devices": "cpu"}, r"give \['cpu'\]"),
+        ({"devices": []}, "devices is empty"),
         ({"repeats": 0}, "repeats must be at least 1"),
+        ({"repeats": True}, "repeats must be a number"),
+        ({"warmup": -5}, "warmup must be at least 0"),
+        ({"warmup": math.nan}, "warmup must be"),
         ({"resume": True}, "give the folder as save="),
     ],
 )
 def test_arguments_that_are_wrong_are_named(arguments, message):
     with pytest.raises(ParameterError, match=message):
         ab.compare(SHEETS, CAMERA, **SIZE, **QUICK | arguments)
+
+
+def test_columns_that_are_not_there_are_named(compared):
+    with pytest.raises(ParameterError, match="did you mean 'scene'"):
+        compared.select(scen="sheets")
+
+
+def test_what_is_given_once_serves_all_scenes_and_devices():
+    found = ab.compare(
+        {"a": SHEETS, "b": SHEETS},
+        CAMERA,
+        **SIZE,
+        repeats=np.int64(2),
+        devices=(device for device in ["cpu", "cpu"]),
+        methods=(method for method in ["exact", "wboit"]),
+        sweep={"mlab": {"k": (k for k in np.arange(1, 3))}},
+    )
+    told = [(row["scene"], row["label"]) for row in found.rows]
+    assert told == [(scene, label) for scene in "ab" for label in ("exact", "wboit", "mlab k=1", "mlab k=2")]
+    assert [row["frames"] for row in found.rows] == [2] * 8
+
+
+def test_a_background_is_that_of_scenes_that_have_none():
+    scenes = {"own": SHEETS, "standard": ab.scenes.cyclic()}
+    found = ab.compare(scenes, CAMERA, **SIZE, **QUICK, methods=["exact"], background=(0, 0, 1))
+    assert (found.references["own"][..., 3] == 1).all()
+    assert found.references["standard"][0, 0].tolist() == [*ab.scenes.cyclic().background[:3], 1]
 
 
 def test_scenes_are_named_by_their_keys_or_their_own_names():

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from abuffer import ParameterError, UnsupportedError
-from abuffer.comparing import extras, metrics
+from abuffer import ParameterError, UnsupportedError, extras
+from abuffer.comparing import metrics
 
 skimage = pytest.importorskip("skimage.metrics", reason="pip install 'abuffer[compare]'")
 flip_evaluator = pytest.importorskip("flip_evaluator", reason="pip install 'abuffer[compare]'")
@@ -118,10 +118,51 @@ def test_missing_packages_leave_their_columns_open(monkeypatch):
     assert math.isnan(found["ssim"]) and math.isnan(found["flip"])
     assert found["rmse"] > 0
     monkeypatch.setattr(extras, "optional", lambda name: None)
-    with pytest.raises(UnsupportedError, match=r"plotting needs matplotlib: pip install 'abuffer\[compare\]'"):
+    with pytest.raises(
+        UnsupportedError, match=r"plotting needs matplotlib: pip install matplotlib, or 'abuffer\[compare\]'"
+    ):
         extras.needed("matplotlib.figure", "plotting")
 
 
 def test_images_smaller_than_the_window_have_no_ssim():
     image, reference = pair(size=(6, 40))
     assert math.isnan(metrics.errors(image, reference)["ssim"])
+
+
+def test_where_no_pixel_is_covered_nothing_is_said_of_covered_ones():
+    image, reference = pair()
+    found = metrics.errors(image, reference, np.zeros(image.shape[:2], bool))
+    assert math.isnan(found["psnr_covered"]) and math.isfinite(found["psnr"])
+
+
+def test_errors_beside_negative_light_are_relative_to_its_size():
+    reference = np.full((8, 8, 4), -0.01)
+    assert metrics.errors(reference + 0.02, reference)["rmse_relative"] == pytest.approx(1)
+
+
+def test_peaks_are_the_references():
+    """Of an image that is too bright beside a reference within 1, the peak is 1; above, the reference's own."""
+    image, reference = pair()
+    image[3, 4, 0] = 50
+    off = (image - reference)[..., :3]
+    rmse = np.sqrt((off**2).mean())
+    assert metrics.errors(image, reference)["psnr"] == pytest.approx(20 * np.log10(1 / rmse))
+    bright = reference * [3, 3, 3, 1]
+    covered = np.ones(image.shape[:2], bool)
+    found = metrics.errors(image, bright, covered)
+    rmse = np.sqrt(((image - bright)[..., :3] ** 2).mean())
+    peak = bright[..., :3].max()
+    assert peak > 2
+    assert found["psnr"] == found["psnr_covered"] == pytest.approx(20 * np.log10(peak / rmse))
+
+
+def test_flip_is_that_of_a_screen_where_the_reference_stays_within_1():
+    """Which cuts what is brighter; a reference that is brighter makes it that of high dynamic range."""
+    image, reference = pair()
+    bright, cut = image.copy(), image.copy()
+    bright[..., :3] *= 4
+    cut[..., :3] = np.minimum(bright[..., :3], 1)
+    assert metrics.errors(bright, reference)["flip"] == metrics.errors(cut, reference)["flip"] > 0
+    scaled = reference * [1.5, 1.5, 1.5, 1]
+    rgb = [np.float32(each[..., :3]) for each in (scaled, bright)]
+    assert metrics.errors(bright, scaled)["flip"] == pytest.approx(flip_evaluator.evaluate(*rgb, "HDR")[1], abs=1e-6)

@@ -5,9 +5,11 @@ import pytest
 
 import abuffer as ab
 from abuffer import ParameterError
-from abuffer.comparing.plots import FLOOR
+from abuffer._methods import METHODS
+from abuffer.comparing.metrics import FLOOR
 
 figures = pytest.importorskip("matplotlib.figure", reason="pip install 'abuffer[compare]'")
+PathCollection = pytest.importorskip("matplotlib.collections").PathCollection
 
 SIZE = {"width": 48, "height": 36}
 
@@ -21,11 +23,18 @@ def compared():
     )
 
 
+def scattered(ax):
+    """Dots, in the order of the rows."""
+    return [each for each in ax.collections if isinstance(each, PathCollection)]
+
+
 def dots(ax):
-    """Where they are, in the order of the rows."""
-    return np.array(
-        [collection.get_offsets()[0] for collection in ax.collections if len(collection.get_offsets()) == 1]
-    )
+    return np.array([each.get_offsets()[0] for each in scattered(ax)])
+
+
+def staircase(ax):
+    (line,) = [line for line in ax.lines if line.get_drawstyle() == "steps-post"]
+    return line.get_xydata()
 
 
 def test_a_panel_for_each_scene_has_a_dot_for_each_row(compared):
@@ -77,6 +86,108 @@ def test_images_come_with_signed_differences_on_one_scale(compared):
     assert shown.max() > 0.1  # too bright is positive
 
 
+def test_what_is_no_number_is_masked_and_said(compared):
+    image = compared.rendered["cyclic", "cpu", "additive"]
+    kept = image[3, 4].copy()
+    image[3, 4, 1] = np.nan
+    try:
+        figure = compared.images("cyclic", labels=["additive"])
+    finally:
+        image[3, 4] = kept
+    titles = [ax.get_title() for ax in figure.axes]
+    assert any("not finite in 1 pixels" in title for title in titles)
+    (off,) = [image for ax in figure.axes for image in ax.images if image.get_cmap().name == "RdBu_r"]
+    assert np.argwhere(np.ma.getmaskarray(off.get_array())).tolist() == [[3, 4]]
+
+
+@pytest.mark.parametrize(("srgb", "grey"), [(False, 0.5), (True, 0.735357)])
+def test_images_are_shown_as_they_are_unless_encoding_is_asked_for(srgb, grey):
+    sheet = ab.Mesh([[-30, -30, 0], [30, -30, 0], [0, 60, 0]], colors=(0.5, 0.5, 0.5, 1))
+    found = ab.compare(sheet, **SIZE, devices=["cpu"], repeats=1, methods=["exact"])
+    shown = found.images(srgb=srgb).axes[0].images[0].get_array()
+    np.testing.assert_allclose(shown[18, 24], grey, atol=1e-5)
+
+
+def row(label, time, rmse, **changes):
+    times = {f"wall_ms{which}": time for which in ("", "_q1", "_q3")} | {"gpu_ms": float("nan")}
+    what = {"label": label, "scene": "s", "device": "d", "rmse": rmse, "failure": "", "curve": None}
+    return what | {"method": "exact", "pipeline": "tiles", "bytes_per_pixel": 0.0} | times | changes
+
+
+def test_the_staircase_goes_through_the_fastest_at_each_error_and_dots_of_the_best_have_an_edge():
+    rows = [row("fast", 1.0, 0.1), row("good", 4.0, 0.01), row("bad", 5.0, 0.2)]
+    ax = ab.Comparison(rows, {}).plot().axes[0]
+    assert staircase(ax).tolist() == [[1.0, 0.1], [4.0, 0.01]]
+    edges = [each.get_edgecolor()[0].tolist() for each in scattered(ax)]
+    black, white = [0, 0, 0, 1], [1, 1, 1, 1]
+    assert edges == [black, black, white]
+    weights = {text.get_text(): text.get_weight() for text in ax.texts}
+    assert weights == {"fast": "bold", "good": "bold", "bad": "normal"}
+
+
+def test_a_dots_area_grows_with_the_root_of_bytes():
+    rows = [
+        row("none", 1.0, 0.1),
+        row("some", 2.0, 0.1, bytes_per_pixel=16.0),
+        row("unsaid", 3.0, 0.1, bytes_per_pixel=float("nan")),
+    ]
+    ax = ab.Comparison(rows, {}).plot().axes[0]
+    assert [each.get_sizes()[0] for each in scattered(ax)] == [24, 24 + 9 * 4, 24]
+
+
+@pytest.mark.parametrize("count", [3, 40])
+def test_labels_and_legend_are_inside_and_on_nothing_else(count):
+    """Labels of few rows; of many, a legend of methods, whatever the figure's width."""
+    methods = list(METHODS)
+    rng = np.random.default_rng(1)
+    rows = [
+        row(f"row {i}", t, e, method=methods[i % len(methods)])
+        for i, (t, e) in enumerate(rng.uniform(0.01, 1, (count, 2)))
+    ]
+    figure = ab.Comparison(rows, {}).plot()
+    figure.draw_without_rendering()
+    whole, legend = figure.bbox, figure.legends[0].get_window_extent()
+    assert whole.x0 <= legend.x0 and legend.x1 <= whole.x1 and whole.y0 <= legend.y0
+    told = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert told >= {"undominated", "larger: more bytes a pixel"}
+    assert (set(methods) <= told) == (count > 16)
+    (ax,) = figure.axes
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert len(boxes) == (count if count <= 16 else len(staircase(ax)))
+    places = ax.transData.transform(dots(ax))
+    for i, box in enumerate(boxes):
+        assert ax.bbox.x0 <= box.x0 and box.x1 <= ax.bbox.x1 and ax.bbox.y0 <= box.y0 and box.y1 <= ax.bbox.y1
+        assert not any(box.overlaps(other) for other in boxes[:i])
+        assert not any(box.contains(*place) for place in places)
+
+
+def test_a_method_has_the_same_colour_in_every_figure(compared):
+    alone = ab.Comparison([row("x", 1.0, 0.1, method="additive")], {}).plot().axes[0]
+    scene = compared.plot(scene="cyclic").axes[0]
+    place = [each["label"] for each in compared.select(scene="cyclic")].index("additive")
+    colors = scattered(scene)[place].get_facecolor(), scattered(alone)[0].get_facecolor()
+    assert colors[0].tolist() == colors[1].tolist()
+
+
+def test_dollars_are_dollars():
+    figure = ab.Comparison([row(r"$\frac{$ a$b$c", 1.0, 0.1, scene="$s$")], {}).plot()
+    figure.draw_without_rendering()
+    assert figure.axes[0].get_title() == "$s$, d"
+
+
+def test_what_has_no_time_is_not_drawn():
+    nan = float("nan")
+    figure = ab.Comparison([row("untimed", nan, 0.1), row("timed", 1.0, 0.1)], {}).plot()
+    assert [text.get_text() for text in figure.axes[0].texts] == ["timed"]
+    assert isinstance(ab.Comparison([row("untimed", nan, 0.1)], {}).plot(), figures.Figure)
+
+
+def test_nothing_cannot_be_plotted():
+    for draw in (ab.Comparison([], {}).plot, ab.Comparison([], {}).images):
+        with pytest.raises(ParameterError, match="the comparison has no rows"):
+            draw()
+
+
 def test_inspect_counts_pixels_by_their_fragments():
     s = ab.scenes.nested_spheres(n=3)
     frame = ab.render(s.scene, s.camera, **SIZE, device="cpu", fragments=True)
@@ -119,3 +230,27 @@ def test_a_pixels_plot_says_depth_alpha_and_transmittance_of_each_layer():
     assert "depth 3 " in said[0] and "α 0.25 " in said[0] and "T 1 " in said[0] and "primitive 1" in said[0]
     assert "depth 4 " in said[1] and "α 0.5 " in said[1] and "T 0.75 " in said[1] and "Tα 0.375 " in said[1]
     assert said[2] == "lets 0.375 of the background through"
+
+
+def test_of_other_modes_a_pixels_plot_claims_no_transmittance():
+    glow = ab.Mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], colors=(1, 0, 0, 0.5), blend="additive")
+    frags = ab.render(glow, ab.Camera.look_at((0, 0, 4), (0, 0, 0)), **SIZE, device="cpu", fragments=True).fragments
+    said = [text.get_text() for text in frags.plot(18, 24).axes[0].texts]
+    assert "additive" in said[0] and "T" not in said[0].replace("Tα", "T")
+    assert "no single number" in said[1]
+
+
+def test_of_masks_of_samples_a_pixels_plot_claims_no_transmittance():
+    sheet = ab.Mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], colors=(1, 0, 0, 0.5))
+    camera = ab.Camera.look_at((0, 0, 4), (0, 0, 0))
+    frags = ab.render(sheet, camera, **SIZE, device="cpu", fragments=True, samples=4).fragments
+    assert "no single number" in frags.plot(18, 24).axes[0].texts[-1].get_text()
+
+
+def test_of_deep_pixels_the_nearest_layers_are_plotted():
+    s = ab.scenes.thin_sheets(n=100)
+    frags = ab.render(s.scene, s.camera, width=20, height=15, device="cpu", fragments=True).fragments
+    figure = frags.plot(7, 10)
+    said = [text.get_text() for text in figure.axes[0].texts]
+    assert len(said) == 65 and said[-1].startswith("… 36 more, the farthest; lets ")
+    assert figure.get_figheight() < 30

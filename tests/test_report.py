@@ -1,6 +1,7 @@
 """The page of `Comparison.report`, in Chromium: what it shows is what numpy has."""
 
 import dataclasses
+import json
 import re
 import sys
 
@@ -80,7 +81,7 @@ def opened(chromium, file):
 
 def shown(image):
     """What a pixel (4,) of an image is drawn as."""
-    return np.rint(encode_srgb(np.clip(image[:3].astype(np.float64), 0, 1)) * 255).astype(int).tolist()
+    return np.rint(np.clip(image[:3].astype(np.float64), 0, 1) * 255).astype(int).tolist()
 
 
 def deepest(compared, scene=SCENES[0]):
@@ -416,9 +417,26 @@ def test_without_room_for_floats_values_are_of_8_bits_and_say_so(compared, chrom
     opened.select(y, x)
     reference = compared.references[SCENES[0]][y, x]
     *rgb, alpha = opened.table("values")[0][1:]
-    # Half a step, where the curve is 2.3 at its steepest below 1, and three digits.
-    assert [float(text) for text in rgb] == pytest.approx(reference[:3], abs=2.3 / 510 + 5e-4)
+    # Half a step, and three digits.
+    assert [float(text) for text in rgb] == pytest.approx(reference[:3], abs=1 / 510 + 5e-4)
     assert alpha == "–"
+
+
+def test_asked_for_images_are_encoded_and_values_are_not(compared, chromium, tmp_path, monkeypatch):
+    """Those of 8 bits too, which are decoded."""
+    y, x = deepest(compared)
+    reference = compared.references[SCENES[0]][y, x]
+    for most in (page.MOST_CHARACTERS, 10):
+        monkeypatch.setattr(page, "MOST_CHARACTERS", most)
+        compared.report(tmp_path / "encoded.html", srgb=True)
+        opened = Page(chromium, tmp_path / "encoded.html")
+        opened.select(y, x)
+        opened.keys("#divider", Keys.END)
+        assert "encoded with the sRGB curve" in opened.text("#images")
+        assert opened.drawn(y, x) == np.rint(encode_srgb(reference[:3]) * 255).astype(int).tolist()
+        # Half a step, where the curve is 2.3 at its steepest below 1, and three digits.
+        values = [float(text) for text in opened.table("values")[0][1:4]]
+        assert values == pytest.approx(reference[:3], abs=2.3 / 510 + 5e-4)
 
 
 def test_lists_that_the_comparison_did_not_keep_are_named(compared):
@@ -443,7 +461,7 @@ def test_of_other_blend_modes_no_transmittance_is_claimed(chromium, tmp_path):
 @pytest.mark.parametrize("package", ["jinja2", "matplotlib"])
 def test_a_package_that_is_missing_is_named(compared, tmp_path, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ab.UnsupportedError, match=rf"needs {package}: pip install 'abuffer\[compare\]'"):
+    with pytest.raises(ab.UnsupportedError, match=rf"needs {package}: pip install {package}, or 'abuffer\[compare\]'"):
         compared.report(tmp_path / "report.html")
 
 
@@ -460,3 +478,48 @@ def test_where_every_method_failed_the_reference_is_left(chromium, tmp_path):
     assert opened.table("rows") == [["wboit@hardware", row["failure"]]]
     assert opened.text("#right-name") == "reference"
     assert opened.errors() == []
+
+
+def test_labels_are_text_whatever_javascript_thinks_of_them(chromium, tmp_path):
+    """Names that its objects have, and numbers, which they would put first."""
+    labels = ["constructor", "10", "__proto__", "2"]
+    methods = [{"method": "additive", "label": label} for label in labels]
+    fails = {"method": "wboit@hardware", "label": "toString"}
+    found = of_methods({"sheets": ab.Scene([sheets(1)])}, [fails, *methods])
+    found.report(tmp_path / "labels.html")
+    opened = Page(chromium, tmp_path / "labels.html")
+    options = opened.run("return Array.from(document.getElementById('right').options, option => option.text)")
+    assert options == ["reference", *labels]
+    for label in labels:
+        opened.choose("right", label)
+        assert opened.text("#right-name") == label
+    assert opened.errors() == []
+
+
+def test_markup_in_names_and_scenes_is_escaped(tmp_path, compared):
+    """Where the page's template writes them, not its script: its title."""
+    evil = "</title><script>window.hacked = 1</script>"
+    found = of_methods({evil: ab.Scene([sheets(1)])}, ["exact"])
+    found.report(tmp_path / "evil.html")
+    text = (tmp_path / "evil.html").read_text(encoding="utf-8")
+    assert "</title><script>window" not in text and "&lt;/title&gt;&lt;script&gt;window" in text
+
+
+def test_an_image_of_one_pixel_is_shown(chromium, tmp_path):
+    arguments = {"width": 1, "height": 1, "methods": ["exact", "additive"], "devices": ["cpu"], "repeats": 1}
+    compare(ab.Scene([sheets(1)]), **arguments).report(tmp_path / "one.html")
+    opened = Page(chromium, tmp_path / "one.html")
+    assert opened.table("values")[0][0] == "reference"
+    assert opened.errors() == []
+
+
+def test_lists_are_added_while_there_is_room(compared, monkeypatch):
+    """With room for the first scene's, the second has none."""
+    scenes = [page._scene(compared, name, False) for name in SCENES]
+    used = len(json.dumps([scenes, {}]))
+    lists, _ = page._lists(compared.exact[SCENES[0]])
+    monkeypatch.setattr(page, "MOST_CHARACTERS", used + len(json.dumps(lists)))
+    page._add_what_fits(compared, scenes, {}, {})
+    assert [scene["lists"] is not None for scene in scenes] == [True, False]
+    assert "longer than" in scenes[1]["why"]["lists"]
+    assert [scene["values"] for scene in scenes] == [None, None]

@@ -7,7 +7,8 @@ import numpy as np
 from . import _check, _core, _methods, archive, columns, cutoff, geometry, inspecting, options, own_methods, painter
 from .blend import BLENDS, composite, require, resolve
 from .camera import Camera
-from .errors import ParameterError, SceneError, UnsupportedError
+from .errors import ParameterError, SceneError
+from .extras import needed
 from .padded import Padded, pad, unpad
 from .scene import as_scene
 
@@ -330,16 +331,19 @@ class Fragments:
         """
         return geometry.barycentric(self, scene, camera)
 
-    def plot(self, y, x, ax=None):
-        """The fragments of a pixel as a stack, the nearest on top: colour over checks, depth, alpha, and the transmittance T in
-        front of each. Needs matplotlib.
+    def plot(self, y, x, ax=None, *, srgb=False):
+        """The fragments of a pixel as a stack, the nearest 64 of them, the nearest on top. Needs matplotlib.
+
+        Of each the colour, over checks and at the right end opaque, depth, alpha, straight RGB, the transmittance T in front of it,
+        and its weight Tα; of other blend modes than over the mode in place of these two.
 
         Args:
             ax: axes to draw into. None: a new figure.
+            srgb: encode what is shown with the sRGB curve; give it if your colours are linear light.
 
-        Returns the matplotlib Figure.
+        Returns the matplotlib Figure, which pyplot does not know of.
         """
-        return inspecting.layers(self, y, x, ax)
+        return inspecting.layers(self, y, x, ax, _check.flag("srgb", srgb))
 
     def to_pandas(self):
         """A table, one row a fragment: y, x, layer (0 in front), depth, r, g, b, a, primitive, and coverage and
@@ -347,10 +351,7 @@ class Fragments:
 
         y and x are those of the whole image, also where the lists are a slice of it.
         """
-        try:
-            import pandas as pd
-        except ImportError as e:
-            raise UnsupportedError("to_pandas needs pandas: pip install pandas") from e
+        pandas = needed("pandas", "to_pandas")
         y, x = np.divmod(self.pixel, self.shape[1])
         y0, x0, *_ = self._window
         table = {"y": y + y0, "x": x + x0, "layer": self.layer, "depth": self.depth}
@@ -360,7 +361,7 @@ class Fragments:
         if self.blend is not None:
             names = np.array([*BLENDS, *(own.name or repr(own) for own in self.blends)], dtype=object)
             table["blend"] = names[self.blend]
-        return pd.DataFrame(table)
+        return pandas.DataFrame(table)
 
     def save(self, path):
         """Writes an .npz that `load` reads."""

@@ -5,10 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ._srgb import encode_srgb
-from .errors import ParameterError, UnsupportedError
+from .blend import BLENDS
+from .errors import ParameterError
+from .extras import needed
 
-# Square boxes behind translucent colours, in shares of a layer's width.
-CHECKS = 16
+# Square boxes behind translucent colours, in shares of a layer's width; on the last ones the colour is opaque.
+CHECKS, OPAQUE_CHECKS = 16, 2
+# Layers of a plot: of more, the nearest.
+MOST_LAYERS = 64
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -40,7 +44,7 @@ class Inspection:
         percentiles = ", ".join(f"{p:g} %: {n}" for p, n in self.percentiles.items())
         return (
             f"Inspection({self.fragments:,} fragments in {self.covered:.1%} of the pixels, {self.mean:.1f} each; "
-            f"at most {self.deepest}, in [{y}, {x}]; {percentiles})"
+            f"at most {self.deepest}, in pixel y={y}, x={x}; {percentiles} of the covered pixels have no more)"
         )
 
     def plot(self):
@@ -48,9 +52,10 @@ class Inspection:
         figure = _figure((10, 4.2))
         left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
         shown = np.ma.masked_equal(self.counts, 0)
-        image = left.imshow(shown, cmap="magma", vmin=0, interpolation="nearest")
+        image = left.imshow(shown, cmap="viridis", vmin=1, vmax=max(self.deepest, 2), interpolation="nearest")
         left.set(title="fragments of a pixel", xticks=[], yticks=[], facecolor="0.93")
-        figure.colorbar(image, ax=left, shrink=0.85)
+        figure.colorbar(image, ax=left, shrink=0.85).locator = _integers()
+        right.xaxis.set_major_locator(_integers())
         right.bar(np.arange(1, len(self.histogram)), self.histogram[1:], width=0.9, color="#6d3fa0")
         right.set(yscale="log", xlabel="fragments", ylabel="pixels", title="depth complexity")
         right.set_ylim(bottom=0.7)
@@ -81,6 +86,8 @@ def inspect(frame) -> Inspection:
     (2, True)
     """
     counts = frame.counts
+    if counts is not None and not counts.size:
+        raise ParameterError(f"the frame has no pixels: its counts are {counts.shape}")
     if counts is None and frame.fragments is not None:
         counts = frame.fragments.counts
     if counts is None:
@@ -102,35 +109,62 @@ def inspect(frame) -> Inspection:
     )
 
 
-def layers(fragments, y, x, ax=None):
+def layers(fragments, y, x, ax=None, srgb=False):
     """The fragments of a pixel as a stack, the nearest on top: what `Fragments.plot` draws.
 
     Returns the matplotlib Figure.
     """
     own = fragments[y, x]
-    figure = ax.figure if ax is not None else _figure((7.5, max(1.8, 0.42 * (len(own) + 2))))
+    count = min(len(own), MOST_LAYERS)
+    figure = ax.figure if ax is not None else _figure((8.6, max(1.8, 0.42 * (count + 2))))
     ax = figure.subplots() if ax is None else ax
-    alpha = own.color[:, 3].astype(np.float64)
-    through = np.cumprod(np.concatenate([[1.0], 1 - alpha]))  # over; other modes let through otherwise
+    through = _through(own)
+    names = [*BLENDS, *(blend.name or "own" for blend in fragments.blends)]
     squares = 0.5 + 0.25 * (np.indices((2, CHECKS)).sum(axis=0) % 2)[..., None] * np.ones(3)
-    for place, (fragment, before) in enumerate(zip(own, through, strict=False)):
+    for place, fragment in zip(range(count), own, strict=False):
         rgba = fragment.color.astype(np.float64)
-        rgb = encode_srgb(np.clip(rgba[:3], 0, 1))
+        rgb = np.clip(rgba[:3], 0, 1)
+        rgb = encode_srgb(rgb) if srgb else rgb
         box = rgba[3] * rgb + (1 - rgba[3]) * squares
+        box[:, -OPAQUE_CHECKS:] = rgb
         ax.imshow(box, extent=(0, 1, place + 0.9, place + 0.1), interpolation="nearest", aspect="auto")
-        said = f"depth {fragment.depth:.6g}   α {rgba[3]:.3g}   T {before:.3g}   Tα {before * rgba[3]:.3g}"
-        ax.text(1.04, place + 0.5, f"{said}   primitive {fragment.primitive}", va="center", fontsize=8)
-    rest = f"lets {through[-1]:.3g} of the background through" if len(own) else "no fragment"
-    ax.text(0, len(own) + 0.5, rest, va="center", fontsize=8)
-    ax.set(xlim=(0, 3.6), ylim=(len(own) + 1, 0), title=f"pixel [{y}, {x}]: {len(own)} fragments, the nearest on top")
+        ax.text(1.04, place + 0.5, _told(fragment, names, through, place), va="center", fontsize=8)
+    if not len(own):
+        rest = "no fragment"
+    elif through is None:
+        rest = "of other blend modes, and of masks of samples, what a layer lets through is no single number"
+    else:
+        rest = f"lets {through[-1]:.3g} of the background through"
+    if len(own) > count:
+        rest = f"… {len(own) - count:,} more, the farthest; {rest}"
+    ax.text(0, count + 0.5, rest, va="center", fontsize=8)
+    ax.set(xlim=(0, 4.1), ylim=(count + 1, 0), title=f"pixel [{y}, {x}]: {len(own):,} fragments, the nearest on top")
     ax.set_axis_off()
     return figure
 
 
+def _through(own):
+    """What all layers before each let through, and what all of them do; None where that is no single number."""
+    fields = own.dtype.names
+    if "coverage" in fields or ("blend" in fields and (own.blend != BLENDS.index("over")).any()):
+        return None
+    return np.cumprod(np.concatenate([[1.0], 1 - own.color[:, 3].astype(np.float64)]))
+
+
+def _told(fragment, names, through, place):
+    red, green, blue, alpha = fragment.color.astype(np.float64)
+    said = [f"depth {fragment.depth:.6g}", f"α {alpha:.3g}", f"RGB {red:.3g} {green:.3g} {blue:.3g}"]
+    if through is not None:
+        said += [f"T {through[place]:.3g}", f"Tα {through[place] * alpha:.3g}"]
+    elif "blend" in fragment.dtype.names:
+        said.append(names[fragment.blend])
+    return "   ".join([*said, f"primitive {fragment.primitive}"])
+
+
+def _integers():
+    return needed("matplotlib.ticker", "plotting").MaxNLocator(integer=True, min_n_ticks=1)
+
+
 def _figure(size):
     """One that no window system knows of."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as e:
-        raise UnsupportedError("plotting needs matplotlib: pip install matplotlib, or 'abuffer[compare]'") from e
-    return Figure(figsize=size, layout="constrained")
+    return needed("matplotlib.figure", "plotting").Figure(figsize=size, layout="constrained")

@@ -112,7 +112,14 @@ def weighted(wboit, expression):
         return np.concatenate([mean * coverage, coverage], axis=1) + before[:, -1:] * back
 
     return replace(
-        wboit, wgsl=wgsl, numpy=composite, parameters=(), passes=lambda: 1, takes_range=False, is_native=False
+        wboit,
+        wgsl=wgsl,
+        numpy=composite,
+        parameters=(),
+        passes=lambda: 1,
+        bytes_per_pixel=lambda: wboit.bytes_per_pixel(weight=expression),
+        takes_range=False,
+        is_native=False,
     )
 
 

@@ -166,6 +166,8 @@ def _meshes(item, look, space):
     if load.is_loadable(item):
         return load.meshes(item, space=space, **look)
     hint = "; wrap it: ab.Mesh(positions, faces)" if isinstance(item, (np.ndarray, numbers.Real)) else ""
+    if hasattr(item, "scene") and hasattr(item, "camera"):
+        hint = "; this one holds a scene and a camera: give its `scene`, and its `camera` where one is taken"
     if hasattr(item, "renderer"):
         hint = "; this one is on a Renderer's device: call its `renderer.render`, or give its `scene`"
     raise SceneError(

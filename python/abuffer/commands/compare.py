@@ -6,9 +6,11 @@ from pathlib import Path
 
 import abuffer as ab
 
+from .. import _check
 from .._methods import METHODS
-from ..comparing import store
-from ..comparing.extras import needed
+from ..comparing import measuring, store
+from ..comparing.entries import OWN
+from ..extras import needed
 from .arguments import SCENES, SUITES, add_models, add_size, scenes_of
 from .progress import status, steps
 
@@ -34,16 +36,16 @@ def add(commands):
         "--methods",
         nargs="+",
         metavar="METHOD",
-        help="see `abuffer methods`; wboit@hardware is on another pipeline than tiles, mlab:k=8 with a parameter, and a "
-        "comma goes before the next one (default: every method, on every pipeline of the device)",
+        help="after the scenes: see `abuffer methods`; wboit@hardware is on another pipeline than tiles, mlab:k=8 with a "
+        "parameter, and a comma goes before the next one (default: every method, on every pipeline of the device)",
     )
     add(
         "--sweep",
         action="append",
         default=[],
         metavar="METHOD:PARAMETER=VALUES",
-        help="mlab:k=2,4,8,16: a row for each value; may be given several times, and of two parameters of one method all "
-        "combinations are compared",
+        help="mlab:k=2,4,8,16: a row for each value, beside --methods or without them beside all other methods; may be given "
+        "several times, and of two parameters of one method all combinations are compared",
     )
     add(
         "--device",
@@ -68,7 +70,9 @@ def _run(given):
             if name in scenes:
                 raise ab.ParameterError(f"there are two scenes named {name}: leave one out, or rename a file")
             scenes[name] = scene
-    folder = Path(given.output)
+    folder = Path(_check.path(given.output))
+    for device in given.devices or ():
+        measuring.device_name(device)  # which is wrong before a folder is full
     if store.holds(folder) and not given.resume:
         raise ab.ParameterError(
             f"{given.output!r} holds a comparison already: --resume goes on with it, else name another folder"
@@ -104,10 +108,23 @@ def _run(given):
 def _method(text) -> dict:
     """ "mlab:k=8,…" as an entry of `ab.compare`'s methods."""
     name, colon, rest = text.partition(":")
-    pairs = [pair.partition("=") for pair in rest.split(",")] if colon else []
-    if not all(map(all, pairs)):
-        raise ab.ParameterError(f"--methods gives parameters as in mlab:k=8, got {text!r}")
+    pairs = [pair.partition("=") for pair in _parts(rest)] if colon else []
+    names = [parameter for parameter, *_ in pairs]
+    if not all(map(all, pairs)) or len(set(names)) < len(names) or set(names) & set(OWN):
+        raise ab.ParameterError(f"--methods gives each parameter once, as in mlab:k=8, got {text!r}")
     return {"method": name} | {parameter: _value(name, parameter, value) for parameter, _, value in pairs}
+
+
+def _parts(text) -> list:
+    """What commas part, but for those in parentheses: a weight may be clamp(1/z, 0.1, 10)."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
 
 
 def _sweeps(texts) -> dict:
@@ -119,7 +136,7 @@ def _sweeps(texts) -> dict:
         if not (name and parameter and values):
             raise ab.ParameterError(f"--sweep must be as in mlab:k=2,4,8, got {text!r}")
         own = found.setdefault(name, {}).setdefault(parameter, [])
-        own += [_value(name, parameter, value) for value in values.split(",")]
+        own += [_value(name, parameter, value) for value in _parts(values)]
     return found
 
 

@@ -2,7 +2,7 @@
 
 import abuffer as ab
 
-from ..comparing.extras import needed
+from ..extras import needed
 from .arguments import SCENES, add_models, add_size, scenes_of, writable
 from .progress import status
 

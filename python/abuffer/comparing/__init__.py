@@ -3,14 +3,18 @@
 Stands on `render`; nothing below knows of it. Packages beside numpy are imported where they are used.
 """
 
+from collections.abc import Iterable
+
 from ..errors import ParameterError
 from ..job import _image_size
-from . import store
+from ..method import Parameter
+from . import references, store
 from .comparison import Comparison
-from .entries import entries
+from .entries import entries, listed
 from .environment import environment
-from .measuring import FRAMES_ON_CPU, FRAMES_ON_GPU, device_name, is_real_gpu, measured, reference_of
-from .subjects import same_size, subjects
+from .measuring import FRAMES_ON_CPU, FRAMES_ON_GPU, device_name, is_real_gpu, measured
+from .resuming import check_environment, check_same, fingerprint
+from .subjects import subjects
 
 # Lists that a comparison keeps for looking at, of each scene.
 MOST_FRAGMENTS = 4_000_000
@@ -28,6 +32,7 @@ def compare(
     repeats=None,
     warmup=5,
     reference="float64",
+    background=None,
     save=None,
     resume=False,
     progress=None,
@@ -39,8 +44,8 @@ def compare(
     floats.
 
     Args:
-        scenes: a scene, or anything that `Scene.add` takes; a standard scene, whose camera and background are its own; a list of
-            such; or a dict of them by name.
+        scenes: a scene, or anything that `Scene.add` takes; a standard scene, whose camera and background are its own; or several:
+            a dict by name, or a list in which there is a Scene or a standard scene. A list of meshes or files is one scene.
         camera: of scenes that have none. None: `Camera.fit`.
         width, height: pixels. None: those of `render`.
         methods: a list of ids, "id@pipeline" (as in "wboit@hardware"; without one it is tiles), or dicts with "method",
@@ -51,9 +56,12 @@ def compare(
         repeats: frames that are timed. None: 30 on a real GPU, 5 on others. Of a method that takes seconds for one, three may
             be all: `frames` says.
         warmup: frames before those, at least three.
-        reference: "float64": exact on the CPU. Or the image itself, (H, W, 4), premultiplied; of several scenes a dict by name.
+        reference: "float64": exact, and all of it in float64. "fragments": what float32 rasterises, as methods do, composited in
+            float64; errors are then of compositing alone, and no triangle's edge is among them. Or an image of your own,
+            (H, W, 4) floats, premultiplied and linear; of several scenes a dict by name.
+        background: of scenes that have none, as in `render`. None: transparent.
         save: a folder that the comparison is written to after every scene and device. None: none.
-        resume: what `save` holds already is not measured again.
+        resume: what `save` holds already is not measured again. It must be of the same scenes, cameras, methods and reference.
         progress: called with (done, all, what) before each step: numbers of steps, and text.
 
     Returns a Comparison.
@@ -67,68 +75,69 @@ def compare(
     >>> [(row["label"], row["max_abs"] < 1e-6) for row in compared.rows]  # equal colours are exact in wboit
     [('exact', True), ('wboit', True), ('additive', False)]
     """
-    all_subjects = subjects(scenes, camera)
-    devices = ["auto"] if devices is None else devices
-    if isinstance(devices, str):
-        raise ParameterError(f"devices must be a list, got {devices!r}: give [{devices!r}]")
-    if save is not None and not resume and store.holds(save):
-        raise ParameterError(f"{str(save)!r} holds a comparison: give resume=True to go on with it, or another folder")
-    if resume and save is None:
-        raise ParameterError("resume continues what save holds: give the folder as save=")
-    cells = [(subject, device, device_name(device)) for subject in all_subjects for device in devices]
-    asked = {name: entries(methods, sweep, is_gpu=name != "cpu") for _, _, name in cells}
-    compared = store.load(save) if resume and store.holds(save) else Comparison([], environment(devices))
+    all_subjects = subjects(scenes, camera, background)
     sizes = {each.name: _image_size(width, height, each.camera, each.background) for each in all_subjects}
-    for subject, _, name in cells:
-        _check_same(compared, subject, name, sizes[subject.name], asked[name])
-    left = [cell for cell in cells if (cell[0].name, cell[2]) not in compared.cells]
-    counts = {device: _repeats(repeats, device) for _, device, _ in cells}
-    steps = _Steps(progress, sum(len(asked[name]) + counts[device] for _, device, name in left))
-    for subject, device, name in left:
+    warmup = Parameter("warmup", 5, "").checked(warmup)
+    by_name = _by_name(["auto"] if devices is None else devices)
+    methods, sweep = listed(methods, sweep)
+    asked = {name: entries(methods, sweep, is_gpu=name != "cpu") for name in by_name}
+    counts = {name: _repeats(repeats, device) for name, device in by_name.items()}
+    images = references.given(reference, all_subjects, sizes)
+    prints = {each.name: fingerprint(each, sizes[each.name], images.get(each.name, reference)) for each in all_subjects}
+    compared = _begun(save, resume, environment(by_name.values()))
+    cells = [(subject, name) for subject in all_subjects for name in by_name]
+    for subject, name in cells:
+        check_same(compared, subject.name, name, prints[subject.name], asked[name])
+    left = [(subject, name) for subject, name in cells if (subject.name, name) not in compared.cells]
+    steps = _Steps(progress, sum(len(asked[name]) + counts[name] for _, name in left))
+    for subject, name in left:
         size = sizes[subject.name]
-        exact = compared.exact.get(subject.name) or reference_of(subject, size, MOST_FRAGMENTS)
-        wanted = _reference(reference, subject, exact, size)
-        rows, images = measured(subject, device, asked[name], size, wanted, exact, counts[device], warmup, steps.step)
-        compared.add(subject.name, name, rows, images, exact, wanted)
+        exact = compared.exact.get(subject.name)
+        if exact is None:
+            exact = references.exact_of(subject, size, MOST_FRAGMENTS, reference)
+        wanted = images.get(subject.name, exact.image)
+        frames = counts[name], warmup
+        rows, rendered = measured(subject, by_name[name], asked[name], size, wanted, exact, frames, steps.step)
+        compared.add(subject.name, name, rows, rendered, exact, wanted)
+        compared.asked[subject.name] = prints[subject.name]
         if save is not None:
-            compared.save(save)
+            store.save(compared, save, subject.name)
     return compared
 
 
-def _check_same(compared, subject, device, size, asked):
-    """Raises a ParameterError if what was measured of a scene and a device is not what is asked for now."""
-    exact = compared.exact.get(subject.name)
-    if exact is not None and exact.image.shape[1::-1] != size:
-        height, width = exact.image.shape[:2]
-        raise ParameterError(
-            f"{subject.name} was measured at {width}×{height}, and {size[0]}×{size[1]} is asked for: save to another folder"
-        )
-    measured = {row["label"] for row in compared.select(scene=subject.name, device=device)}
-    labels = {entry.label for entry in asked}
-    if measured and measured != labels:
-        raise ParameterError(
-            f"{subject.name} was measured with other methods ({', '.join(sorted(measured ^ labels))}): save to another folder"
-        )
+def _by_name(devices) -> dict:
+    """Devices as given, by name: each once, even where two words mean one."""
+    if isinstance(devices, str) or not isinstance(devices, Iterable):
+        raise ParameterError(f"devices must be a list, got {devices!r}: give [{devices!r}]")
+    by_name = {}
+    for device in devices:
+        by_name.setdefault(device_name(device), device)
+    if not by_name:
+        raise ParameterError("devices is empty: give at least one, or None")
+    return by_name
+
+
+def _begun(save, resume, where):
+    """The comparison that `save` holds if it is to be resumed, else one without rows."""
+    if save is None:
+        if resume:
+            raise ParameterError("resume continues what save holds: give the folder as save=")
+        return Comparison([], where)
+    if not store.holds(save):
+        store.made(save)
+        return Comparison([], where)
+    if not resume:
+        raise ParameterError(f"{str(save)!r} holds a comparison: give resume=True to go on with it, or another folder")
+    compared = store.load(save)
+    check_environment(compared.environment, where)
+    compared.environment = where | {"devices": compared.environment["devices"] | where["devices"]}
+    return compared
 
 
 def _repeats(repeats, device):
     if repeats is None:
         return FRAMES_ON_GPU if is_real_gpu(device) else FRAMES_ON_CPU
-    if not isinstance(repeats, int) or repeats < 1:
-        raise ParameterError(f"repeats must be at least 1, got {repeats!r}")
-    return repeats
-
-
-def _reference(reference, subject, exact, size):
-    if isinstance(reference, str):
-        if reference != "float64":
-            raise ParameterError(f'reference must be "float64" or an image, got {reference!r}')
-        return exact.image
-    if isinstance(reference, dict):
-        if subject.name not in reference:
-            raise ParameterError(f"reference has no image of scene {subject.name!r}: it has {', '.join(reference)}")
-        reference = reference[subject.name]
-    return same_size(reference, size)
+    return Parameter("repeats", 1, "", low=1).checked(repeats)
 
 
 class _Steps:

@@ -5,9 +5,12 @@ import math
 
 import numpy as np
 
+from .. import _check
 from ..errors import ParameterError
+from ..extras import needed
 from . import store
-from .extras import needed
+from .measuring import COLUMNS
+from .metrics import FLOOR, LESS_IS_BETTER
 
 # Of `_repr_html_`.
 SHOWN = ("label", "device", "scene", "gpu_ms", "wall_ms", "rmse", "max_abs", "flip", "bytes_per_pixel", "passes")
@@ -28,7 +31,7 @@ class Comparison:
     def __init__(self, rows, environment):
         self.rows, self.environment = rows, environment
         self.rendered, self.references, self.exact = {}, {}, {}
-        self.written = set()  # exact frames, by file and scene: see store.py
+        self.asked = {}  # of each scene, what it was measured with: see resuming.py
 
     def __repr__(self):
         return f"Comparison({len(self.rows)} rows: {len(self.scenes)} scenes, {len(self.devices)} devices)"
@@ -54,6 +57,8 @@ class Comparison:
 
     def select(self, **columns) -> list:
         """Rows whose columns have these values: `compared.select(method="wboit", scene="hair")`."""
+        for name in columns:
+            _check.choice("column", name, COLUMNS)
         return [row for row in self.rows if all(row[name] == value for name, value in columns.items())]
 
     def to_pandas(self):
@@ -69,28 +74,36 @@ class Comparison:
         """Rows that no other one dominates: of the same scene and device.
 
         A row dominates another where its error is no greater and it is faster, and that only where the quartiles of their times
-        do not overlap: what noise may have ordered is not told apart.
+        do not overlap: what noise may have ordered is not told apart. Neither are errors of at most 1e-6, which float32 rounds.
 
         Args:
-            error: the column of errors, of which less is better.
+            error: the column of errors, of which less is better: "rmse", "max_abs", "rmse_relative", "p999", "over_1_255",
+                "over_1e5", "flip" or "alpha_rmse".
         """
+        _check.choice("error", error, tuple(LESS_IS_BETTER))
         best = []
         for scene in self.scenes:
             for device in self.devices:
                 rows = [row for row in self.select(scene=scene, device=device) if not row["failure"]]
                 time = self.time_column(rows)
+                rows = [row for row in rows if math.isfinite(row[time]) and math.isfinite(row[error])]
                 best += [row for row in rows if not any(_dominates(other, row, time, error) for other in rows)]
         return best
 
     def plot(self, ax=None, *, error="rmse", scene=None, device=None):
         """Time against error, both logarithmic: a figure with a panel for each scene and device. Needs matplotlib.
 
+        A dot is a row, its colour a method, its marker a pipeline, and its area grows with the bytes a pixel that are kept. A
+        bar has the quartiles of its times, a line joins a sweep. Rows of `pareto` have a black edge and bold labels; the dashed
+        staircase has the fastest of them at each error. Errors of at most 1e-6, which float32 rounds, are drawn at 1e-6.
+        Where there are more than 16 rows, those of the staircase alone have labels, and a legend tells the others.
+
         Args:
-            ax: axes to draw one scene and device into. None: a new figure.
-            error: the column of errors.
+            ax: axes to draw one scene and device into, with the legend below. None: a new figure.
+            error: the column of errors, as in `pareto`.
             scene, device: those alone. None: all.
 
-        Returns the matplotlib Figure.
+        Returns the matplotlib Figure. pyplot does not know of a new one: notebooks show it, scripts take `savefig`.
         """
         from .plots import plot  # needs matplotlib
 
@@ -98,6 +111,8 @@ class Comparison:
 
     def images_of(self, scene=None, device=None) -> dict:
         """The images of a scene on a device by label; of the first of each where nothing is said."""
+        if not self.rows:
+            raise ParameterError("there is no image: the comparison has no rows")
         scene, device = scene or self.scenes[0], device or self.devices[0]
         found = {label: image for (s, d, label), image in self.rendered.items() if (s, d) == (scene, device)}
         if not found:
@@ -107,41 +122,43 @@ class Comparison:
             )
         return found
 
-    def images(self, scene=None, device=None, labels=None):
+    def images(self, scene=None, device=None, labels=None, *, srgb=False):
         """A grid: the reference, each method's image, and its signed difference on one scale. Needs matplotlib.
 
-        Images are over black, encoded with the sRGB curve. Differences are of the linear floats, of the channel that is most
-        off; their colour scale is linear up to 1/255 and logarithmic beyond.
+        Images are over black, cut to [0, 1]; what is no number is magenta. Differences are of the linear floats, of the channel
+        that is most off; their colour scale is linear up to 1/255 and logarithmic beyond.
 
         Args:
             scene, device: None: the first.
             labels: of rows. None: all.
+            srgb: encode what is shown with the sRGB curve; give it if your colours are linear light.
 
-        Returns the matplotlib Figure.
+        Returns the matplotlib Figure, which pyplot does not know of.
         """
         from .plots import grid  # needs matplotlib
 
-        return grid(self, scene, device, labels)
+        return grid(self, scene, device, labels, _check.flag("srgb", srgb))
 
-    def report(self, path):
+    def report(self, path, *, srgb=False):
         """Writes one page of HTML, which loads nothing else. Needs jinja2 and matplotlib.
 
         Of a scene and a device that are chosen there: time against error, a table that sorts by any column, any two images
         with a slider between them, or their signed differences from the reference, and of a pixel that is clicked the values
-        and the fragment list. Images are shown over black, encoded with the sRGB curve and cut to [0, 1].
+        and the fragment list. Images are shown over black, cut to [0, 1].
 
         A page holds all images. It holds the lists of scenes of at most 500,000 fragments, and float32 values of a scene's
         images, while it stays within 28 million characters; where it has none it says so, and gives values of 8 bits.
 
         Args:
             path: of the file, .html by custom.
+            srgb: encode what is shown with the sRGB curve; give it if your colours are linear light.
 
         Raises:
             ParameterError: there are no rows. UnsupportedError: jinja2 or matplotlib is missing.
         """
         from .report import report
 
-        report(self, path)
+        report(self, path, _check.flag("srgb", srgb))
 
     def save(self, folder):
         """Writes all of it to a folder: JSON, and NPZ of images and lists, which `load` reads."""
@@ -162,7 +179,9 @@ class Comparison:
 
 
 def _dominates(one, other, time, error):
-    return one is not other and one[f"{time}_q3"] < other[f"{time}_q1"] and one[error] <= other[error]
+    if one is other or not one[f"{time}_q3"] < other[f"{time}_q1"]:
+        return False
+    return max(one[error], FLOOR) <= max(other[error], FLOOR)
 
 
 def _cell(value):

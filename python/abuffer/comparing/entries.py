@@ -1,7 +1,11 @@
 """What is compared: a method with its parameters, on a pipeline."""
 
 import itertools
-from dataclasses import dataclass, field
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from .. import _check, _methods
 from .._methods import METHODS
@@ -10,6 +14,8 @@ from ..options import EXACT_OPTIONS, OPTIONS
 
 # Of a dict, what is no parameter.
 OWN = ("method", "pipeline", "label")
+# What the report calls what methods are compared with.
+REFERENCE = "reference"
 
 
 @dataclass(frozen=True)
@@ -42,8 +48,8 @@ def entries(methods, sweep, is_gpu) -> list:
     Raises:
         ParameterError: an unknown method, pipeline or parameter, or two entries of one label.
     """
-    sweep = dict(sweep or {})
-    found = [_entry(given) for given in (_all(is_gpu, sweep) if methods is None else _listed(methods))]
+    sweep = sweep or {}
+    found = [_entry(given) for given in (_all(is_gpu, sweep) if methods is None else methods)]
     for name, values in sweep.items():
         found += _swept(name, values)
     if not found:
@@ -55,10 +61,32 @@ def entries(methods, sweep, is_gpu) -> list:
     return found
 
 
-def _listed(methods):
-    if isinstance(methods, str | dict):
-        raise ParameterError(f"methods must be a list, got {methods!r}: give [{methods!r}]")
-    return methods
+def listed(methods, sweep):
+    """`methods` and `sweep` with a list for all that can be iterated, since it may be so but once.
+
+    Raises:
+        ParameterError: something is no list, or one of a sweep is empty.
+    """
+    if methods is not None:
+        methods = _list("methods", methods)
+    if sweep is None:
+        return methods, {}
+    if not isinstance(sweep, dict):
+        raise ParameterError(f"sweep must be a dict such as {{'mlab': {{'k': [2, 4, 8]}}}}, got {sweep!r}")
+    lists = {}
+    for name, values in sweep.items():
+        if not isinstance(values, dict) or not values:
+            raise ParameterError(f"sweep[{name!r}] must be a dict of parameters and their values, got {values!r}")
+        lists[name] = {each: _list(f"sweep[{name!r}][{each!r}]", of) for each, of in values.items()}
+        if not all(lists[name].values()):
+            raise ParameterError(f"sweep[{name!r}] has no values: give at least one of each parameter, got {values!r}")
+    return methods, lists
+
+
+def _list(what, values):
+    if isinstance(values, str | dict) or not isinstance(values, Iterable):
+        raise ParameterError(f"{what} must be a list, got {values!r}: give [{values!r}]")
+    return list(values)
 
 
 def _all(is_gpu, sweep):
@@ -75,14 +103,16 @@ def _entry(given):
     if not isinstance(given, dict) or "method" not in given:
         raise ParameterError(f'an entry of methods must be an id, "id@pipeline" or a dict with "method", got {given!r}')
     id, pipeline = _split(given["method"])
+    if "@" in str(given["method"]) and given.get("pipeline", pipeline) != pipeline:
+        raise ParameterError(f"{given['method']!r} and pipeline {given['pipeline']!r} are two: give one of them")
     pipeline = given.get("pipeline", pipeline)
     parameters = {name: value for name, value in given.items() if name not in OWN}
     return _checked(Entry(given.get("label") or _label(id, pipeline, parameters), id, pipeline, parameters))
 
 
 def _split(name):
-    id, _, pipeline = str(name).partition("@")
-    return id, pipeline or "tiles"
+    id, at, pipeline = str(name).partition("@")
+    return id, pipeline if at else "tiles"
 
 
 def _label(id, pipeline, parameters):
@@ -92,16 +122,32 @@ def _label(id, pipeline, parameters):
 
 def _swept(name, values):
     id, pipeline = _split(name)
-    if not isinstance(values, dict) or not values:
-        raise ParameterError(f"sweep[{name!r}] must be a dict of parameters and their values, got {values!r}")
     for combination in itertools.product(*values.values()):
         parameters = dict(zip(values, combination, strict=True))
         yield _checked(Entry(_label(id, pipeline, parameters), id, pipeline, parameters, curve=name))
 
 
 def _checked(entry):
-    """The entry, whose method, pipeline and parameters there are."""
+    """The entry, whose method, pipeline and parameters there are; these as JSON has them."""
     others = EXACT_OPTIONS if entry.method == "exact" else OPTIONS
+    if entry.method in METHODS:
+        known = (*METHODS[entry.method].options, *others)
+        for name in entry.parameters:
+            if name not in _methods.parameters():  # which are told apart below
+                _check.choice(f"a parameter of {entry.method}", name, known)
     chosen = _methods.chosen(entry.method, entry.parameters, others, "compare", ("methods", "sweep"))
     _check.choice(f"pipeline of {entry.method}", entry.pipeline, chosen.method.pipelines)
-    return entry
+    if not isinstance(entry.label, str) or entry.label == REFERENCE:
+        raise ParameterError(f"a label must be text other than {REFERENCE!r}, got {entry.label!r}")
+    try:
+        parameters = json.loads(json.dumps(entry.parameters, default=_plain))
+    except TypeError as e:
+        raise ParameterError(f"parameters of {entry.label} must be numbers or text, got {entry.parameters!r}") from e
+    return replace(entry, parameters=parameters)
+
+
+def _plain(value):
+    """A number or an array of numpy, for JSON."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError

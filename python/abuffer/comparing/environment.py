@@ -3,6 +3,7 @@
 import datetime
 import platform
 import subprocess
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +20,19 @@ def environment(devices) -> dict:
         "commit": _commit(),
         "python": platform.python_version(),
         "numpy": np.__version__,
+        "metrics": {package: _version(package) for package in ("scikit-image", "flip-evaluator")},
         "system": platform.platform(),
         "processor": _processor(),
         "devices": {name: dict(every[name]) for name in sorted(names)},
         "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
     }
+
+
+def _version(package):
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def _commit():

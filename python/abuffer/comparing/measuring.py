@@ -1,15 +1,15 @@
 """Rows: each method on one scene and one device, its frames in turns with the others'."""
 
+import numbers
 import statistics
 import time
 
 import numpy as np
 
 from .. import tables
-from .._methods import chosen
+from .._methods import METHODS, chosen
 from ..errors import AbufferError
 from ..options import EXACT_OPTIONS, OPTIONS
-from ..render import render
 from ..renderer import Renderer
 from .bounds import Bounds
 from .metrics import ERRORS, errors
@@ -47,6 +47,14 @@ SAME = 3
 OF_HOST = ("upload", "wait and readback")
 # Frames that count, where nobody says how many.
 FRAMES_ON_GPU, FRAMES_ON_CPU = 30, 5
+# Of a fragment where a format is asked for (src/node_format.rs); else what was published, 12 and a pointer.
+NODE_BYTES = {
+    "float32": 28,
+    "rgba8_depth32": 12,
+    "rgba8_depth24_coverage8": 12,
+    "rgb565_depth16": 8,
+    "rgb9e5_alpha8_depth24": 12,
+}
 # Seconds of a row's frames, after which it has no more than SAME of them: peelings of hundreds of layers take one each.
 MOST_SECONDS = 10.0
 
@@ -60,15 +68,6 @@ def gpu_ms(stats) -> float:
     return sum(ms for stage, ms in stats.ms.items() if stage not in OF_HOST)
 
 
-def reference_of(subject, size, most_fragments):
-    """The exact frame in float64, with its lists if they are not too many."""
-    arguments = {"width": size[0], "height": size[1], "background": subject.background, "precision": "float64"}
-    frame = render(subject.scene, subject.camera, **arguments, fragments="count")
-    if frame.stats.fragments <= most_fragments:
-        frame = render(subject.scene, subject.camera, **arguments, fragments=True)
-    return frame
-
-
 def device_name(device) -> str:
     """As `devices()` has it: "cpu", or a GPU's."""
     return tables.named(device)
@@ -78,14 +77,16 @@ def is_real_gpu(device) -> bool:
     return tables.devices()[tables.named(device)]["kind"] not in ("processor", "software")
 
 
-def measured(subject, device, entries, size, reference, lists, repeats, warmup, step=lambda what: None):
+def measured(subject, device, entries, size, reference, lists, frames, step):
     """The rows of all entries, and their images by label.
 
     Args:
         reference: (H, W, 4), what images should be.
         lists: the exact frame, with counts.
+        frames: how many are timed, and how many warm up.
         step: is told what is done before each entry, and each turn.
     """
+    repeats, warmup = frames
     renderer = Renderer(device)
     uploaded = renderer.upload(subject.scene)
     arguments = {"width": size[0], "height": size[1], "background": subject.background}
@@ -95,23 +96,33 @@ def measured(subject, device, entries, size, reference, lists, repeats, warmup, 
         own = arguments | {"method": entry.method, "pipeline": entry.pipeline} | entry.parameters
         try:
             frames = _warmed(lambda own=own: renderer.render(uploaded, subject.camera, **own), warmup)
-        except AbufferError as e:
+        except _failures(entry) as e:
             rows[entry.label] = _failed(entry, subject, device, e)
             continue
         rows[entry.label] = _row(entry, subject, frames, reference, lists, bounds)
         images[entry.label] = frames[0].image
-        turns[entry.label] = (own, [])
+        turns[entry.label] = (entry, own, [])
     for turn in range(repeats):
         step(f"{subject.name}: turn {turn + 1} of {repeats}")
-        for own, times in turns.values():
+        for entry, own, times in list(turns.values()):
             if len(times) >= SAME and sum(wall for wall, *_ in times) > MOST_SECONDS * 1e3:
                 continue
             start = time.perf_counter()
-            frame = renderer.render(uploaded, subject.camera, **own)
+            try:
+                frame = renderer.render(uploaded, subject.camera, **own)
+            except _failures(entry) as e:
+                rows[entry.label] = _failed(entry, subject, device, e)
+                del turns[entry.label], images[entry.label]
+                continue
             times.append(((time.perf_counter() - start) * 1e3, gpu_ms(frame.stats), frame.stats.ms))
-    for label, (_, times) in turns.items():
+    for label, (*_, times) in turns.items():
         rows[label] |= _times(times)
     return [{column: row[column] for column in COLUMNS} for row in rows.values()], images
+
+
+def _failures(entry):
+    """What a row may fail by; of a method whose function is a user's, whatever that raises."""
+    return AbufferError if METHODS[entry.method].numpy is None else Exception
 
 
 def _warmed(render_once, warmup):
@@ -128,8 +139,8 @@ def _row(entry, subject, frames, reference, lists, bounds):
     images = [other.image.tobytes() for other in frames[:SAME]]
     own = _chosen(entry)
     return _named(entry, subject, stats.device) | {
-        "bytes_per_pixel": bytes_per_pixel(own, entry.pipeline, lists),
-        "passes": passes(own, lists),
+        "bytes_per_pixel": bytes_per_pixel(own, entry, lists),
+        "passes": passes(own, entry, lists),
         "fragments": lists.stats.fragments,
         "depth_complexity": lists.stats.max_depth_complexity,
         "merged": stats.merged_fragments,
@@ -155,8 +166,12 @@ def _named(entry, subject, device):
 
 def _failed(entry, subject, device, error):
     """A row of what a device cannot do: no row is left out."""
-    nothing = dict.fromkeys(COLUMNS, float("nan")) | {"stage_ms": {}, "deterministic": None, "failure": str(error)}
-    return nothing | _named(entry, subject, device)
+    nothing = dict.fromkeys(COLUMNS, float("nan")) | {
+        "stage_ms": {},
+        "deterministic": None,
+        "failure": str(error) or repr(error),
+    }
+    return nothing | _named(entry, subject, device_name(device))
 
 
 def _times(times):
@@ -176,18 +191,32 @@ def _chosen(entry):
     return chosen(entry.method, entry.parameters, others, "compare", ("methods",))
 
 
-def bytes_per_pixel(own, pipeline, lists) -> float:
-    """What the published form keeps of a pixel. Exact lists: 4 bytes and 16 a fragment, on average; in tiles none are kept.
-    NaN of a registered method that does not say."""
+def bytes_per_pixel(own, entry, lists) -> float:
+    """What the published form keeps of a pixel. NaN of a registered method that does not say.
+
+    Exact lists: heads and nodes of linked lists (METHODS 1.1), or what count, scan and scatter keep (1.2), of as many fragments as
+    a pixel has on average; in tiles none are kept.
+    """
     if own.method.id == "exact":
-        return 0.0 if pipeline == "tiles" else 4 + 16 * lists.stats.fragments / lists.counts.size
+        mean = lists.stats.fragments / lists.counts.size
+        node = NODE_BYTES.get(entry.parameters.get("node_format"))
+        return {
+            "tiles": 0.0,
+            "linked_list": 4 + (node or 16) * mean,
+            "prefix_sum": 8 + (node or 12) * mean,
+        }[entry.pipeline]
     said = own.method.bytes_per_pixel(**own.parameters)
-    return float(said) if isinstance(said, int) else float("nan")
+    if not isinstance(said, numbers.Real):
+        return float("nan")
+    return float(said) / (2 if entry.parameters.get("targets") == "float16" else 1)
 
 
-def passes(own, lists) -> int:
+def passes(own, entry, lists) -> int:
     """Over the geometry, of a scene as deep as this one."""
     deepest = lists.stats.max_depth_complexity or 0
-    of_layers = {"depth_peeling": deepest + 1, "dual_depth_peeling": -(-deepest // 2) + 1}
     usual = own.method.passes(**own.parameters)
-    return int(usual) if isinstance(usual, int) else of_layers[own.method.id]
+    if own.method.id == "depth_peeling":
+        return min(own.parameters["layers"] or deepest + 1, deepest + 1)
+    if own.method.id == "dual_depth_peeling":
+        return -(-deepest // 2) + 1
+    return 2 if entry.pipeline == "prefix_sum" else int(usual)

@@ -7,7 +7,7 @@ image: FLIP takes NaN without a word, and a mean over NaN says nothing of the pi
 import numpy as np
 
 from ..errors import ParameterError
-from .extras import optional
+from ..extras import optional
 
 ERRORS = (
     "max_abs",
@@ -23,6 +23,19 @@ ERRORS = (
     "alpha_rmse",
     "nonfinite",
 )
+# Columns of errors, of which less is better, and what plots call them.
+LESS_IS_BETTER = {
+    "rmse": "RMSE",
+    "max_abs": "largest error of a channel",
+    "rmse_relative": "relative RMSE",
+    "p999": "99.9 percentile of errors",
+    "over_1_255": "share of pixels off by over 1/255",
+    "over_1e5": "share of pixels off by over 1e-5",
+    "flip": "FLIP",
+    "alpha_rmse": "RMSE of alpha",
+}
+# What is off by no more is off by what float32 rounds: it is drawn there, and orders no method before another.
+FLOOR = 1e-6
 # Beside the reference, below which a relative error is one of the dark.
 DARK = 0.01
 # scikit-image's window of SSIM, pixels a side.
@@ -37,8 +50,8 @@ def errors(image, reference, covered=None) -> dict:
         covered: (H, W) bool, the pixels that hold fragments. None: all.
 
     Returns a float each, `nonfinite` an int: values of the image that are no numbers. Where there are some, errors are infinite, and
-    what has no worst value (SSIM, FLIP) is NaN, as it is where the package that computes it is missing, and where an image is
-    too small for it.
+    what has no worst value (SSIM, FLIP) is NaN, as it is where the package that computes it is missing, where an image is too
+    small for it, and where no pixel is covered.
 
     The peak of PSNR and SSIM is 1, or the reference's largest channel if that is more.
 
@@ -68,7 +81,7 @@ def errors(image, reference, covered=None) -> dict:
     return {
         "max_abs": float(off.max()),
         "rmse": _rms(off),
-        "rmse_relative": _rms(off / (wanted + DARK)),
+        "rmse_relative": _rms(off / (np.abs(wanted) + DARK)),
         "p999": float(np.quantile(off, 0.999)),
         "over_1_255": float(np.mean(worst > 1 / 255)),
         "over_1e5": float(np.mean(worst > 1e-5)),
@@ -82,12 +95,13 @@ def errors(image, reference, covered=None) -> dict:
 
 
 def _rms(values) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+    """NaN of nothing."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
 
 
 def psnr(rmse, peak) -> float:
-    """Decibels; infinite of equal images."""
-    return float(20 * np.log10(peak / rmse)) if rmse > 0 else float("inf")
+    """Decibels; infinite of equal images, and NaN of no pixels."""
+    return float(20 * np.log10(peak / rmse)) if rmse != 0 else float("inf")
 
 
 def ssim(image, reference, peak) -> float:
@@ -101,8 +115,8 @@ def ssim(image, reference, peak) -> float:
 def flip(image, reference, peak) -> float:
     """The mean of ꟻLIP (Andersson et al. 2020, 2021) by flip-evaluator; 0 of equal images.
 
-    Above 1 it is that of high dynamic range, whose exposures follow from the reference alone, so that they are one reference's
-    for all methods.
+    Where the reference exceeds 1 it is that of high dynamic range, whose exposures follow from the reference alone, so that they
+    are the same for all methods. Else it is that of a screen: of an image, too, what exceeds 1 is cut.
     """
     evaluator = optional("flip_evaluator")
     if evaluator is None:

@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 
+from .. import _check
+from .._methods import METHODS
 from .._srgb import encode_srgb
 from ..errors import ParameterError
-from .extras import needed
+from ..extras import needed
+from .labels import labelled
+from .metrics import FLOOR, LESS_IS_BETTER
 
-# Where exact is drawn: what float32 rounds.
-FLOOR = 1e-7
 COLUMNS = 3
 # Inches of a panel.
 PANEL = (5.2, 4.2)
@@ -17,52 +19,61 @@ PANEL = (5.2, 4.2)
 LEAST_DOT, DOT_OF_ROOT = 24, 9
 # Rows of a panel that have a label each; of more, the undominated ones have, and a legend tells the others.
 MOST_LABELS = 16
+# Inches of a legend's column.
+LEGEND_COLUMN = 1.65
+# What is no number is shown in no colour that light has here.
+NO_NUMBER = (1.0, 0.0, 1.0)
 MARKERS = {"tiles": "o", "hardware": "^", "linked_list": "s", "prefix_sum": "D"}
-LABELS = {
-    "gpu_ms": "GPU time of a frame, ms",
-    "wall_ms": "time of a frame, ms",
-    "rmse": "RMSE",
-    "max_abs": "largest error of a channel",
-    "rmse_relative": "relative RMSE",
-    "p999": "99.9 percentile of errors",
-    "flip": "FLIP",
-}
+TIMES = {"gpu_ms": "GPU time of a frame, ms", "wall_ms": "time of a frame, ms"}
 
 
-def plot(compared, ax, error, scene, device):
-    """What `Comparison.plot` returns."""
+def plot(compared, ax, error, scene, device, panel=PANEL):
+    """What `Comparison.plot` returns; `panel` in inches."""
+    _check.choice("error", error, tuple(LESS_IS_BETTER))
     cells = [
         (s, d)
         for s in (compared.scenes if scene is None else [_known("scene", scene, compared.scenes)])
         for d in (compared.devices if device is None else [_known("device", device, compared.devices)])
     ]
-    if ax is not None:
-        if len(cells) != 1:
-            raise ParameterError(
-                f"axes have room for one scene and device, and there are {len(cells)}: name one of each"
-            )
-        _panel(compared, ax, error, *cells[0])
-        return ax.figure
-    figure, axes = _grid(len(cells), PANEL)
-    are_told = [_panel(compared, panel, error, *cell) for panel, cell in zip(axes, cells, strict=True)]
-    if not all(are_told):
-        _legend(compared, figure)
+    if ax is not None and len(cells) != 1:
+        raise ParameterError(f"axes have room for one scene and device, and there are {len(cells)}: name one of each")
+    figure, axes = _grid(len(cells), panel) if ax is None else (ax.figure, [ax])
+    told = [_panel(compared, panel, error, *cell) for panel, cell in zip(axes, cells, strict=True)]
+    rows = [row for scene, device in cells for row in compared.select(scene=scene, device=device)]
+    handles = _handles(rows, any(not all_told for _, all_told, _ in told))
+    small = {"fontsize": 7, "frameon": False}
+    if ax is None:
+        columns = max(1, int(figure.get_figwidth() / LEGEND_COLUMN))
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, **small)
+    else:
+        width = ax.get_window_extent().width / figure.dpi
+        columns = max(1, int(width / LEGEND_COLUMN))
+        ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, **small)
+    # Labels go where there is room, which the layout has to be done for.
+    figure.draw_without_rendering()
+    for panel, (labels, *_, dots) in zip(axes, told, strict=True):
+        labelled(panel, labels, dots)
     return figure
 
 
-def _legend(compared, figure):
-    """Methods by colour, and pipelines by marker."""
-    lines = needed("matplotlib.lines", "plotting")
-    dot = {"linestyle": "", "markersize": 6}
+def _handles(rows, by_color):
+    """What dots and lines mean; by_color: methods and pipelines too, where dots have no label each."""
+    line = needed("matplotlib.lines", "plotting").Line2D
+    dot = {"linestyle": "", "marker": "o"}
     handles = [
-        lines.Line2D([], [], color=color, marker="o", label=method, **dot)
-        for method, color in _colors(compared).items()
+        line([], [], color="0.6", markeredgecolor="black", label="undominated", **dot),
+        line([], [], color="0.55", linestyle="--", linewidth=1, label="fastest at an error"),
+        line([], [], color="0.6", markersize=9, label="larger: more bytes a pixel", **dot),
+        line([], [], color="0.6", linewidth=0.7, marker="|", label="quartiles of time"),
     ]
-    used = dict.fromkeys(row["pipeline"] for row in compared.rows)
-    handles += [
-        lines.Line2D([], [], color="0.4", marker=MARKERS.get(name, "o"), label=f"@{name}", **dot) for name in used
+    if not by_color:
+        return handles
+    methods = dict.fromkeys(row["method"] for row in rows)
+    handles += [line([], [], color=_color(method), label=method, **dot) for method in methods]
+    pipelines = dict.fromkeys(row["pipeline"] for row in rows)
+    return handles + [
+        line([], [], linestyle="", color="0.4", marker=MARKERS.get(name, "o"), label=f"@{name}") for name in pipelines
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=7, frameon=False)
 
 
 def _known(what, name, names):
@@ -74,6 +85,8 @@ def _known(what, name, names):
 def _grid(count, panel, columns=COLUMNS):
     """A figure that no window system knows of, and its axes; those beyond `count` are off."""
     figures = needed("matplotlib.figure", "plotting")
+    if not count:
+        raise ParameterError("there is nothing to plot: the comparison has no rows")
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     figure = figures.Figure(figsize=(panel[0] * columns, panel[1] * rows), layout="constrained")
@@ -84,26 +97,27 @@ def _grid(count, panel, columns=COLUMNS):
 
 
 def _panel(compared, ax, error, scene, device):
+    """Draws a panel but its labels. Returns (x, y, text, is bold) of those, whether all dots have one, and all dots' (x, y)."""
     rows = [row for row in compared.select(scene=scene, device=device) if not row["failure"]]
-    rows = [row for row in rows if math.isfinite(row[error])]
     time = compared.time_column(rows)
-    ax.set(xscale="log", yscale="log", title=f"{scene}, {device}")
+    rows = [row for row in rows if math.isfinite(row[error]) and math.isfinite(row[time])]
+    ax.set(xscale="log", yscale="log")
+    ax.set_title(f"{scene}, {device}", parse_math=False)
     if rows:
         xs, ys = _points(rows, time, error)
-        ax.set(xlim=(min(xs) / 1.6, max(xs) * 4), ylim=(min(ys) / 3, max(ys) * 6))  # with room for labels
-    ax.set_xlabel(LABELS[time])
-    ax.set_ylabel(LABELS.get(error, error))
+        ax.set(xlim=(min(xs) / 1.6, max(xs) * 2.5), ylim=(min(ys) / 3, max(ys) * 4))  # with room for labels
+    ax.set_xlabel(TIMES[time])
+    ax.set_ylabel(LESS_IS_BETTER[error])
+    _ticks(ax)
     ax.grid(True, which="major", color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
-    best = [row for row in compared.pareto(error) if (row["scene"], row["device"]) == (scene, device)]
-    colors = _colors(compared)
+    best = [row for row in compared.pareto(error) if (row["scene"], row["device"]) == (scene, device) and row in rows]
     steps = _staircase(ax, best, time, error)
     for curve in dict.fromkeys(row["curve"] for row in rows if row["curve"]):
         own = [row for row in rows if row["curve"] == curve]
-        color = colors[own[0]["method"]]
-        ax.plot(*_points(own, time, error), color=color, linewidth=1, alpha=0.7, zorder=2)
+        ax.plot(*_points(own, time, error), color=_color(own[0]["method"]), linewidth=1, alpha=0.7, zorder=2)
     for row in rows:
-        color = colors[row["method"]]
+        color = _color(row["method"])
         (x,), (y,) = _points([row], time, error)
         spread = [[x - row[f"{time}_q1"]], [row[f"{time}_q3"] - x]]
         ax.errorbar(x, y, xerr=np.maximum(spread, 0), color=color, linewidth=0.7, zorder=2)
@@ -112,8 +126,25 @@ def _panel(compared, ax, error, scene, device):
         marker = MARKERS.get(row["pipeline"], "o")
         ax.scatter(x, y, s=size, color=color, marker=marker, edgecolor=edge, linewidth=0.8, zorder=3)
     all_told = len(rows) <= MOST_LABELS
-    _labelled(ax, rows if all_told else steps, time, error, best)
-    return all_told
+    told = sorted(rows if all_told else steps, key=lambda row: (max(row[error], FLOOR), row[time]))
+    labels = [(row[time], max(row[error], FLOOR), row["label"], row in best) for row in told]
+    return labels, all_told, list(zip(*_points(rows, time, error), strict=True))
+
+
+def _ticks(ax):
+    """Times as numbers, with those between decades where there are few; what is at the floor is no more than that."""
+    ticker = needed("matplotlib.ticker", "plotting")
+    low, high = ax.get_xlim()
+    subs = (1, 2, 5) if high / low < 300 else (1,)
+    ax.xaxis.set_major_locator(ticker.LogLocator(subs=subs))
+    ax.xaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+    ax.xaxis.set_minor_formatter(ticker.NullFormatter())
+    power = ticker.LogFormatterMathtext(labelOnlyBase=False)
+    ax.yaxis.set_major_formatter(
+        ticker.FuncFormatter(lambda y, _: r"$\leq 10^{-6}$" if math.isclose(y, FLOOR) else power(y))
+    )
+    power.set_axis(ax.yaxis)
+    ax.yaxis.set_minor_formatter(ticker.NullFormatter())
 
 
 def _points(rows, time, error):
@@ -132,81 +163,62 @@ def _staircase(ax, best, time, error):
     return kept
 
 
-def _colors(compared):
-    """Of each method, the same in all panels."""
+def _color(method):
+    """The same in all figures: by the method's place in the table of methods."""
     colormaps = needed("matplotlib", "plotting").colormaps
-    every = [*colormaps["tab20"].colors[::2], *colormaps["tab20"].colors[1::2], *colormaps["tab20b"].colors]
-    methods = dict.fromkeys(row["method"] for row in compared.rows)
-    return {method: every[i % len(every)] for i, method in enumerate(methods)}
+    # As many as there are methods, no two alike; further ones for those that are registered.
+    every = [*colormaps["tab10"].colors, *colormaps["Dark2"].colors[:7], *colormaps["tab20b"].colors[::4]]
+    every += [*colormaps["tab20c"].colors, *colormaps["tab20b"].colors[1::2]]
+    place = list(METHODS).index(method) if method in METHODS else len(METHODS)
+    return every[place % len(every)]
 
 
-def _labelled(ax, rows, time, error, best):
-    """A label beside each dot, moved up until it covers no other: in the order of errors, so that it stays near."""
-    ax.figure.canvas.draw_idle()
-    taken = []
-    to_pixels = ax.transData.transform
-    for row in sorted(rows, key=lambda row: (max(row[error], FLOOR), row[time])):
-        (x,), (y,) = _points([row], time, error)
-        left, bottom = to_pixels((x, y))
-        width, height = 5.2 * len(row["label"]), 9.0
-        left, bottom = left + 7, bottom - 3
-        while any(left < r and l < left + width and bottom < t and b < bottom + height for l, b, r, t in taken):  # noqa: E741
-            bottom += 3
-        taken.append((left, bottom, left + width, bottom + height))
-        dx, dy = np.subtract((left, bottom), to_pixels((x, y))) * 72 / ax.figure.dpi
-        weight = "bold" if row in best else "normal"
-        ax.annotate(
-            row["label"],
-            (x, y),
-            (dx, dy),
-            textcoords="offset points",
-            fontsize=6.5,
-            weight=weight,
-            color="0.15",
-            clip_on=True,
-            zorder=4,
-        )
-
-
-def grid(compared, scene, device, labels):
+def grid(compared, scene, device, labels, srgb):
     """What `Comparison.images` returns."""
-    scene, device = scene or compared.scenes[0], device or compared.devices[0]
     images = compared.images_of(scene, device)
+    scene = scene or compared.scenes[0]
     labels = list(images) if labels is None else [_known("row", label, list(images)) for label in labels]
     reference = compared.references[scene]
     height, width = reference.shape[:2]
     panel = (3.0, 3.0 * height / width + 0.3)
     figure, axes = _grid(2 * (len(labels) + 1), panel, columns=4)
-    wanted = _shown(reference)
     off = {label: _signed(images[label], reference) for label in labels}
-    most = max((float(np.abs(o).max()) for o in off.values()), default=0.0) or FLOOR
+    most = max((float(np.abs(o).filled(0).max()) for o in off.values()), default=0.0)
     # A step of 8 bits shows, and so does what is off by hundreds of them.
     colors = needed("matplotlib.colors", "plotting")
     norm = colors.SymLogNorm(1 / 255, vmin=-max(most, 1 / 255), vmax=max(most, 1 / 255))
-    axes[0].imshow(wanted, interpolation="nearest")
-    axes[0].set_title(f"{scene}: reference", fontsize=8)
+    axes[0].imshow(shown(reference, srgb), interpolation="nearest")
+    axes[0].set_title(f"{scene}: reference", fontsize=8, parse_math=False)
     axes[1].set_axis_off()
     scale = None
     for i, label in enumerate(labels, 1):
         image, difference = axes[2 * i], axes[2 * i + 1]
-        image.imshow(_shown(images[label]), interpolation="nearest")
-        image.set_title(label, fontsize=8)
+        image.imshow(shown(images[label], srgb), interpolation="nearest")
+        image.set_title(label, fontsize=8, parse_math=False)
         scale = difference.imshow(off[label], cmap="RdBu_r", norm=norm, interpolation="nearest")
-        difference.set_title(f"off by {np.abs(off[label]).max():.2g}", fontsize=8)
+        difference.set_facecolor(NO_NUMBER)  # where what is masked lets it show
+        bad = np.ma.count_masked(off[label])
+        told = f"off by {np.abs(off[label]).filled(0).max():.2g}"
+        difference.set_title(f"{told}; not finite in {bad:,} pixels" if bad else told, fontsize=8)
     for ax in axes:
         ax.set_xticks([])
         ax.set_yticks([])
     if scale is not None:
-        figure.colorbar(scale, ax=list(axes), shrink=0.5, label="image − reference, the channel that is most off")
+        figure.colorbar(scale, ax=list(axes), fraction=0.03, label="image − reference")
     return figure
 
 
-def _shown(image):
-    """Over black, encoded for a screen."""
-    return encode_srgb(np.clip(np.nan_to_num(image[..., :3].astype(np.float64)), 0, 1))
+def shown(image, srgb):
+    """Over black, cut to [0, 1]."""
+    rgb = np.asarray(image[..., :3], np.float64)
+    shown = np.clip(np.nan_to_num(rgb), 0, 1)
+    shown = encode_srgb(shown) if srgb else shown
+    shown[~np.isfinite(rgb).all(axis=2)] = NO_NUMBER
+    return shown
 
 
 def _signed(image, reference):
-    """Of each pixel, the difference of the channel that is most off; what is no number is the most there is."""
-    off = np.nan_to_num(image[..., :3].astype(np.float64) - reference[..., :3], nan=1.0, posinf=1.0, neginf=-1.0)
-    return np.take_along_axis(off, np.abs(off).argmax(axis=2)[..., None], axis=2)[..., 0]
+    """Of each pixel, the difference of the channel that is most off; what is no number is masked."""
+    off = image[..., :3].astype(np.float64) - reference[..., :3]
+    signed = np.take_along_axis(off, np.abs(off).argmax(axis=2)[..., None], axis=2)[..., 0]
+    return np.ma.masked_where(~np.isfinite(off).all(axis=2), signed)

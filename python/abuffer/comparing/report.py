@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import _check, _core
-from .._srgb import encode_srgb
 from ..blend import BLENDS
 from ..errors import ParameterError
-from .extras import needed
+from ..extras import needed
+from . import plots
 
 PAGE = Path(__file__).with_name("page")
 # In the order in which they are read; together they are one module.
@@ -25,8 +25,6 @@ MOST_FRAGMENTS = 500_000
 MOST_CHARACTERS = 28_000_000
 # Inches of the plot, as wide as a page.
 PLOT = (9.0, 4.8)
-# What is no number is shown in no colour that light has here.
-NO_NUMBER = (1.0, 0.0, 1.0)
 # int16 of differences: the largest is this, and what is no number is NOT_FINITE.
 LARGEST, NOT_FINITE = 32767, -32768
 
@@ -60,9 +58,14 @@ COLUMNS = (
     Column("psnr", "PSNR", "dB", "of RGB"),
     Column("psnr_covered", "PSNR, covered", "dB", "of pixels that have fragments", more=True),
     Column("ssim", "SSIM", "", "structural similarity, 1 of equal images"),
-    Column("flip", "FLIP", "", "mean of ꟻLIP, 0 of equal images"),
+    Column("flip", "FLIP", "", "mean of ꟻLIP, 0 of equal images; cut to 1 where the reference does not exceed it"),
     Column("alpha_rmse", "RMSE of α", "", "root of the mean square error of alpha"),
-    Column("error_bound", "bound", "", "what a channel is proven to be off by at most"),
+    Column(
+        "error_bound",
+        "bound",
+        "",
+        "what a channel is proven to be off by at most beside the same fragments, exactly composited",
+    ),
     Column("nonfinite", "not finite", "", "values of the image that are no numbers", more=True),
     Column("merged", "merged", "", "fragments merged with others", more=True),
     Column("dropped", "dropped", "", "fragments dropped", more=True),
@@ -70,20 +73,22 @@ COLUMNS = (
 )
 
 
-def report(compared, path):
+def report(compared, path, srgb):
     """What `Comparison.report` writes."""
     jinja2 = needed("jinja2", "report")
     if not compared.rows:
         raise ParameterError("there is nothing to report: the comparison has no rows")
     path = Path(_check.path(path))
     cells = {f"{s}-{d}": (scene, device) for s, d, scene, device in _cells(compared)}
-    scenes = [_scene(compared, scene) for scene in compared.scenes]
-    images = {id: _images(compared, *cell) for id, cell in cells.items()}
+    scenes = [_scene(compared, scene, srgb) for scene in compared.scenes]
+    images = {id: _images(compared, *cell, srgb) for id, cell in cells.items()}
     _add_what_fits(compared, scenes, images, cells)
     data = {f"scene-{i}": scene for i, scene in enumerate(scenes)}
-    data |= {f"cell-{id}": {"rows": _rows(compared, *cell), "images": images[id]} for id, cell in cells.items()}
+    # In pairs: JavaScript's objects have names of their own, and put numbers first.
+    pairs = {id: list(own.items()) for id, own in images.items()}
+    data |= {f"cell-{id}": {"rows": _rows(compared, *cell), "images": pairs[id]} for id, cell in cells.items()}
     names = [{"id": id, "scene": scene, "device": device} for id, (scene, device) in cells.items()]
-    data["page"] = {"columns": [column.name for column in COLUMNS], "cells": names}
+    data["page"] = {"columns": [column.name for column in COLUMNS], "cells": names, "srgb": srgb}
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
@@ -91,6 +96,7 @@ def report(compared, path):
     text = environment.get_template("report.html.j2").render(
         environment=compared.environment,
         columns=COLUMNS,
+        srgb=srgb,
         scenes=compared.scenes,
         data=data,
         plots={id: _plot(compared, *cell) for id, cell in cells.items()},
@@ -136,12 +142,11 @@ def _number(value, factor):
 def _plot(compared, scene, device):
     """The SVG alone, without what XML puts before it; its text is text."""
     matplotlib = needed("matplotlib", "report")
-    figure = needed("matplotlib.figure", "report").Figure(figsize=PLOT, layout="constrained")
     file = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     # The salt makes ids the same each time.
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "abuffer"}):
-        compared.plot(figure.subplots(), scene=scene, device=device)
+        figure = plots.plot(compared, None, "rmse", scene, device, panel=PLOT)
         figure.savefig(file, format="svg", transparent=True, metadata=nothing)
     svg = file.getvalue()
     return svg[svg.index("<svg") :]
@@ -150,29 +155,26 @@ def _plot(compared, scene, device):
 # ---- images ----
 
 
-def _scene(compared, scene):
+def _scene(compared, scene, srgb):
     reference = compared.references[scene]
     height, width = reference.shape[:2]
-    return {"height": height, "width": width, "png": _png(reference), "values": None, "lists": None, "why": {}}
+    return {"height": height, "width": width, "png": _png(reference, srgb), "values": None, "lists": None, "why": {}}
 
 
-def _images(compared, scene, device):
+def _images(compared, scene, device, srgb):
     """Of each row that has one."""
     if all(row["failure"] for row in compared.select(scene=scene, device=device)):
         return {}
     return {
-        label: {"png": _png(image), "difference": _difference(image, compared.references[scene]), "values": None}
+        label: {"png": _png(image, srgb), "difference": _difference(image, compared.references[scene]), "values": None}
         for label, image in compared.images_of(scene, device).items()
     }
 
 
-def _png(image):
-    """(H, W, 4) premultiplied, over black, cut to [0, 1], and encoded for a screen."""
-    rgb = np.asarray(image[..., :3], np.float64)
-    shown = encode_srgb(np.clip(np.nan_to_num(rgb), 0, 1))
-    shown[~np.isfinite(rgb).all(axis=2)] = NO_NUMBER
-    opaque = np.full((*shown.shape[:2], 4), 255, np.uint8)
-    opaque[..., :3] = np.rint(shown * 255)
+def _png(image, srgb):
+    """(H, W, 4) premultiplied, over black, cut to [0, 1]."""
+    opaque = np.full((*image.shape[:2], 4), 255, np.uint8)
+    opaque[..., :3] = np.rint(plots.shown(image, srgb) * 255)
     return _base64(_core.encode_png(opaque))
 
 

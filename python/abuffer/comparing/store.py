@@ -1,6 +1,7 @@
 """Comparisons on disk: a JSON file, and for each scene its exact frame and the images of all methods."""
 
 import json
+import math
 import os
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from ..frame import Frame
 
 NAME = "comparison.json"
 FORMAT = "abuffer-comparison-1"
+# Columns of rows that are text, or hold some: all others are numbers.
+TEXTS = ("label", "method", "pipeline", "parameters", "curve", "device", "scene", "failure")
 
 
 def holds(folder) -> bool:
@@ -19,27 +22,58 @@ def holds(folder) -> bool:
     return (Path(_check.path(folder)) / NAME).exists()
 
 
-def save(compared, folder):
+def made(folder) -> Path:
+    """The folder, which can be written to.
+
+    Raises:
+        ParameterError: it cannot.
+    """
     folder = Path(_check.path(folder))
-    folder.mkdir(parents=True, exist_ok=True)
-    scenes = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        aside = folder / f"new-{NAME}"
+        aside.touch()
+        aside.unlink()
+    except OSError as e:
+        raise ParameterError(f"{str(folder)!r} cannot be written to: {e}") from e
+    return folder
+
+
+def save(compared, folder, only=None):
+    """Writes a comparison.
+
+    Args:
+        only: a scene, of which alone files are written: those of others are there.
+    """
+    folder, scenes = made(folder), []
     for i, scene in enumerate(compared.scenes):
+        if scene not in compared.exact:
+            raise ParameterError(f"the comparison has rows of {scene}, and no images: it cannot be saved")
         keys = [key for key in compared.rendered if key[0] == scene]
-        arrays = {str(place): compared.rendered[key] for place, key in enumerate(keys)}
-        _replaced(folder / f"images-{i}.npz", lambda path, a=arrays, s=scene: _write(path, a, compared.references[s]))
-        exact = folder / f"exact-{i}.npz"
-        if (exact.resolve(), scene) not in compared.written:  # it does not change
-            _replaced(exact, lambda path, s=scene: compared.exact[s].save(path))
-            compared.written.add((exact.resolve(), scene))
-        scenes.append({"name": scene, "images": [list(key[1:]) for key in keys]})
-    head = {"format": FORMAT, "environment": compared.environment, "scenes": scenes, "rows": compared.rows}
+        if only in (None, scene):
+            arrays = {str(place): compared.rendered[key] for place, key in enumerate(keys)}
+            arrays["reference"] = compared.references[scene]
+            _replaced(folder / f"images-{i}.npz", lambda path, arrays=arrays: _write(path, arrays))
+            _replaced(folder / f"exact-{i}.npz", lambda path, scene=scene: compared.exact[scene].save(path))
+        images = [list(key[1:]) for key in keys]
+        scenes.append({"name": scene, "images": images, "asked": compared.asked[scene]})
+    rows = [{name: _said(value) for name, value in row.items()} for row in compared.rows]
+    head = {"format": FORMAT, "environment": compared.environment, "scenes": scenes, "rows": rows}
+    text = json.dumps(head, indent=1, allow_nan=False)
     # Last: what it names is there.
-    _replaced(folder / NAME, lambda path: path.write_text(json.dumps(head, indent=1), encoding="utf-8"))
+    _replaced(folder / NAME, lambda path: path.write_text(text, encoding="utf-8"))
 
 
-def _write(path, images, reference):
+def _said(value):
+    """JSON has no numbers that are not finite: they are said as text."""
+    if isinstance(value, dict):
+        return {name: _said(each) for name, each in value.items()}
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _write(path, arrays):
     with open(path, "wb") as file:
-        np.savez_compressed(file, reference=reference, **images)
+        np.savez_compressed(file, **arrays)
 
 
 def _replaced(path, write):
@@ -50,20 +84,31 @@ def _replaced(path, write):
 
 
 def load(folder):
-    from .comparison import Comparison  # which saves itself by this
-
     folder = Path(_check.path(folder))
     if not holds(folder):
         raise ParameterError(f"{str(folder)!r} holds no comparison: {NAME} is missing")
-    head = json.loads((folder / NAME).read_text(encoding="utf-8"))
+    try:
+        return _loaded(folder, json.loads((folder / NAME).read_text(encoding="utf-8")))
+    except ParameterError:
+        raise
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as e:  # whichever notices first
+        raise ParameterError(f"{str(folder)!r} is damaged: {type(e).__name__}: {e}") from e
+
+
+def _loaded(folder, head):
+    from .comparison import Comparison  # which saves itself by this
+
     if head.get("format") != FORMAT:
         raise ParameterError(f"{str(folder / NAME)!r} is of format {head.get('format')!r}: this reads {FORMAT!r}")
-    compared = Comparison(head["rows"], head["environment"])
+    rows = [
+        {name: value if name in TEXTS or not isinstance(value, str) else float(value) for name, value in row.items()}
+        for row in head["rows"]
+    ]
+    compared = Comparison(rows, head["environment"])
     for i, scene in enumerate(head["scenes"]):
         name, arrays = scene["name"], archive.read_npz(folder / f"images-{i}.npz")
         compared.references[name] = arrays["reference"]
-        exact = folder / f"exact-{i}.npz"
-        compared.exact[name] = Frame.load(exact)
-        compared.written.add((exact.resolve(), name))
+        compared.exact[name] = Frame.load(folder / f"exact-{i}.npz")
         compared.rendered |= {(name, *key): arrays[str(place)] for place, key in enumerate(scene["images"])}
+        compared.asked[name] = scene["asked"]
     return compared

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..camera import Camera
 from ..errors import ParameterError
 from ..mesh import Mesh
 from ..scene import Scene, as_scene
+
+NOTHING = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -15,20 +15,22 @@ class Subject:
     name: str
     scene: Scene
     camera: Camera
-    background: object = (0, 0, 0, 0)
+    background: object = NOTHING
 
 
-def subjects(scenes, camera) -> list:
+def subjects(scenes, camera, background=None) -> list:
     """A Subject for each of `scenes`.
 
     Args:
         scenes: a scene, or anything that `Scene.add` takes; what has a `scene` and a `camera` of its own, and perhaps a `name` and
             a `background`, such as a standard scene; a list of such; or a dict of them by name.
         camera: of scenes that have none. None: `Camera.fit`.
+        background: of scenes that have none, as in `render`. None: transparent.
 
     Raises:
         SceneError: something is no scene. ParameterError: there is none, or two have one name.
     """
+    background = NOTHING if background is None else background
     if isinstance(scenes, dict):
         named = list(scenes.items())
     elif _is_list(scenes):
@@ -41,11 +43,11 @@ def subjects(scenes, camera) -> list:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ParameterError(f"several scenes are named {', '.join(twice)}: give a dict of scenes by name")
-    return [_subject(name, scene, camera) for name, (_, scene) in zip(names, named, strict=True)]
+    return [_subject(name, scene, camera, background) for name, (_, scene) in zip(names, named, strict=True)]
 
 
 def _is_list(scenes):
-    """Of scenes: not of meshes, which are one scene."""
+    """Of scenes: not of meshes or files, which are one scene, as `Scene.add` takes them."""
     return isinstance(scenes, list | tuple) and any(_is_standard(scene) or isinstance(scene, Scene) for scene in scenes)
 
 
@@ -53,17 +55,8 @@ def _is_standard(scene):
     return hasattr(scene, "scene") and hasattr(scene, "camera") and not isinstance(scene, Mesh)
 
 
-def _subject(name, scene, camera):
+def _subject(name, scene, camera, background):
     if _is_standard(scene):
-        return Subject(name, Scene(as_scene(scene.scene)), scene.camera, getattr(scene, "background", (0, 0, 0, 0)))
+        return Subject(name, Scene(as_scene(scene.scene)), scene.camera, getattr(scene, "background", background))
     own = Scene(as_scene(scene))
-    return Subject(name, own, Camera.fit(own) if camera is None else camera)
-
-
-def same_size(image, size) -> np.ndarray:
-    """A reference that a user gives: (H, W, 4) float64."""
-    reference = np.asarray(image, np.float64)
-    width, height = size
-    if reference.shape != (height, width, 4):
-        raise ParameterError(f"reference must be an image of {height}×{width}×4, premultiplied, got {reference.shape}")
-    return reference
+    return Subject(name, own, Camera.fit(own) if camera is None else camera, background)

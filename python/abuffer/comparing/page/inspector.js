@@ -3,7 +3,7 @@
 async function inspect(scene, images, left, right, pixel) {
   const place = pixel.y * scene.width + pixel.x;
   const names = [...new Set([REFERENCE, left, right])];
-  const shown = names.map((name) => (name === REFERENCE ? scene : images[name]));
+  const shown = names.map((name) => (name === REFERENCE ? scene : images.get(name)));
   const values = await Promise.all(shown.map((image) => valuesOf(image, place, pixel)));
   const list = scene.lists && (await listOf(scene.lists, place));
   return () => {
@@ -17,11 +17,12 @@ async function valuesOf(image, place, { y, x }) {
   if (image.values) return (await array(Float32Array, image.values)).slice(4 * place, 4 * place + 4);
   const one = new OffscreenCanvas(1, 1).getContext("2d");
   one.drawImage(image.element, -x, -y);
-  return [...[...one.getImageData(0, 0, 1, 1).data].slice(0, 3).map((step) => linear(step / 255)), NaN];
+  return [...[...one.getImageData(0, 0, 1, 1).data].slice(0, 3).map((step) => unshown(step / 255)), NaN];
 }
 
-/** sRGB decoded, IEC 61966-2-1. */
-function linear(encoded) {
+/** The number behind what is shown: sRGB decoded, IEC 61966-2-1, where it was encoded. */
+function unshown(encoded) {
+  if (!about.srgb) return encoded;
   return encoded <= 0.04045 ? encoded / 12.92 : ((encoded + 0.055) / 1.055) ** 2.4;
 }
 
@@ -100,10 +101,10 @@ function layerRow(name, color, over) {
   return row;
 }
 
-/** A straight colour over a checkerboard, encoded as the images are. */
+/** A straight colour over a checkerboard, shown as the images are. */
 function swatch([r, g, b, a]) {
   const made = document.createElement("span");
   made.className = "swatch";
-  made.style.setProperty("--color", `color(srgb-linear ${r} ${g} ${b} / ${a})`);
+  made.style.setProperty("--color", `color(${about.srgb ? "srgb-linear" : "srgb"} ${r} ${g} ${b} / ${a})`);
   return made;
 }

@@ -5,7 +5,7 @@ const selects = Object.fromEntries(
   ["scene", "device", "left", "right"].map((id) => [id, document.getElementById(id)]),
 );
 const inputs = { y: document.getElementById("pixel-y"), x: document.getElementById("pixel-x") };
-let current = { scene: null, rows: [], images: {} };
+let current = { scene: null, rows: [], images: new Map() };
 // Of what was asked for last: what comes late is not shown.
 let turn = 0;
 
@@ -29,23 +29,24 @@ async function load() {
   offer(selects.device, measured.map((each) => each.device));
   const { id } = measured.find((each) => each.device === selects.device.value);
   const scene = json(`scene-${id.split("-")[0]}`);
-  const { rows, images } = json(`cell-${id}`);
+  const cell = json(`cell-${id}`);
+  const [{ rows }, images] = [cell, new Map(cell.images)];
   scene.element ??= imageElement(scene.png, REFERENCE);
-  for (const [name, image] of Object.entries(images)) image.element ??= imageElement(image.png, name);
+  for (const [name, image] of images) image.element ??= imageElement(image.png, name);
   current = { scene, rows, images };
   fillTable(rows);
   // What the canvas shows, for those who do not see it.
-  canvas.replaceChildren(scene.element, ...Object.values(images).map((image) => image.element));
+  canvas.replaceChildren(scene.element, ...[...images.values()].map((image) => image.element));
   document.getElementById("plot").replaceChildren(document.getElementById(`plot-${id}`).content.cloneNode(true));
-  const names = Object.keys(images);
+  const names = [...images.keys()];
   offer(selects.left, [REFERENCE, ...names]);
-  const worst = ordered(rows, about.columns.indexOf("rmse"), true).find((row) => row.label in images);
+  const worst = ordered(rows, about.columns.indexOf("rmse"), true).find((row) => images.has(row.label));
   offer(selects.right, [REFERENCE, ...names], worst?.label);
-  const another = drawn.width !== scene.width || drawn.height !== scene.height;
+  const another = !view.pixel || drawn.width !== scene.width || drawn.height !== scene.height;
   [drawn.width, drawn.height] = [scene.width, scene.height];
   [inputs.y.max, inputs.x.max] = [scene.height - 1, scene.width - 1];
   canvas.style.aspectRatio = `${scene.width} / ${scene.height}`;
-  if (another) view.pixel = await worstPixel(images[selects.right.value]);
+  if (another) view.pixel = await worstPixel(images.get(selects.right.value));
   await update(another);
 }
 
@@ -75,7 +76,7 @@ async function update(refit = false) {
 }
 
 async function sideOf(name, scene, images) {
-  const image = name === REFERENCE ? scene : images[name];
+  const image = name === REFERENCE ? scene : images.get(name);
   await image.element.decode();
   if (view.mode === "images") return { name, picture: image.element };
   const steps = image.difference && (await array(Int16Array, image.difference.steps));
@@ -90,7 +91,7 @@ function selectPixel({ y, x }) {
 }
 
 document.getElementById("worst").addEventListener("click", async () => {
-  selectPixel(await worstPixel(current.images[selects.right.value]));
+  selectPixel(await worstPixel(current.images.get(selects.right.value)));
 });
 offer(selects.scene, [...new Set(about.cells.map((each) => each.scene))]);
 selects.scene.addEventListener("change", load);

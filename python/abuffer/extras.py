@@ -1,8 +1,8 @@
-"""Packages that comparisons use where they are installed: `pip install 'abuffer[compare]'` brings them all."""
+"""Packages that are used where they are installed: `pip install 'abuffer[compare]'` brings them all."""
 
 import importlib
 
-from ..errors import UnsupportedError
+from .errors import UnsupportedError
 
 PACKAGES = {
     "skimage": "scikit-image",
@@ -30,5 +30,5 @@ def needed(name, what):
     module = optional(name)
     if module is None:
         package = PACKAGES[name.partition(".")[0]]
-        raise UnsupportedError(f"{what} needs {package}: pip install 'abuffer[compare]'")
+        raise UnsupportedError(f"{what} needs {package}: pip install {package}, or 'abuffer[compare]'")
     return module
