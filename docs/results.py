@@ -12,6 +12,7 @@ import statistics
 from pathlib import Path
 
 import abuffer as ab
+from abuffer.comparing.metrics import FLOOR
 
 FOLDER = Path(__file__).parent / "results"
 SIZES = {"cpu": {"width": 240, "height": 180}, "gpu": {"width": 640, "height": 360}}
@@ -59,6 +60,7 @@ def measure(device, frames):
             progress=lambda done, all, what: print(f"{done} of {all}: {what}", end="\033[K\r", flush=True),
         )
         found["rows"] += compared.rows
+        found["frames"] = frames
         found["environment"] = compared.environment
         path.write_text(json.dumps(found), encoding="utf-8")
         print(f"\n{scene.name}: {len(compared.rows)} rows")
@@ -67,33 +69,40 @@ def measure(device, frames):
 def compared_of(name):
     """What was measured of a device, without images."""
     found = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-    return ab.Comparison(found["rows"], found["environment"]), found["size"]
+    return ab.Comparison(found["rows"], found["environment"]), found["size"], found["frames"]
 
 
 def write():
     text = (FOLDER / "text.md").read_text(encoding="utf-8")
     for name in ("cpu", "gpu"):
-        compared, size = compared_of(name)
-        text = text.replace(f"<!-- {name} -->\n", section(name, compared, size))
+        text = text.replace(f"<!-- {name} -->\n", section(name, *compared_of(name)))
     (FOLDER.parent / "results.md").write_text(text, encoding="utf-8")
 
 
-def section(name, compared, size):
-    """A device's plots and tables."""
+def section(name, compared, size, frames):
+    """A device's plots and tables; frames: as given to the command."""
     environment = compared.environment
     device = next(iter(environment["devices"]))
     driver = environment["devices"][device]["driver"]
     where = f"{device} ({driver})" if driver else environment["processor"]
     plotted(compared, name)
+    timed = [row["frames"] for row in compared.rows]
+    fewer = sum(count < max(timed) for count in timed)
+    said = f"medians of {max(timed)} frames" + (
+        f", of {min(timed)} at least in {fewer} rows that take seconds" if fewer else ""
+    )
+    command = f"python docs/results.py measure --device {name}" + (f" --frames {frames}" if frames else "")
     lines = [
+        "",
         f"## {where}",
         "",
-        f"{size['width']}×{size['height']}, on {environment['date'][:10]}. `python docs/results.py measure --device {name}`",
+        f"{size['width']}×{size['height']}, on {environment['date'][:10]}, {said}. `{command}`",
         "",
         f"![Time against error of all methods on each scene, {where}](results/{name}.png)",
         "",
         "Time: that of a frame, as a multiple of exact in the same turns; geometric mean of the scenes, the least and the most.",
-        "Errors: of each scene the RMSE of premultiplied linear RGB. `=`: no more than float32 rounds, 1e-6.",
+        "Errors: of each scene the RMSE of premultiplied linear RGB. `=`: no more than float32 rounds, 1e-6. In the plot black edges",
+        "and bold labels are undominated rows, the staircase has the fastest at each error, and larger dots keep more bytes.",
         "",
         *table(compared),
         "",
@@ -113,7 +122,7 @@ def table(compared):
         mean = statistics.geometric_mean(times)
         memory = [rows[scene]["bytes_per_pixel"] for scene in scenes]
         shown = f"{memory[0]:.0f}" if min(memory) == max(memory) else f"{min(memory):.0f} to {max(memory):.0f}"
-        errors = ["=" if rows[scene]["rmse"] < 1e-6 else f"{rows[scene]['rmse']:.1e}" for scene in scenes]
+        errors = ["=" if rows[scene]["rmse"] < FLOOR else f"{rows[scene]['rmse']:.1e}" for scene in scenes]
         lines.append([f"`{label}`", f"{mean:.2f}", f"{min(times):.2f}", f"{max(times):.2f}", shown, *errors])
     lines.insert(1, ["---"] * len(lines[0]))
     return [f"| {' | '.join(line)} |" for line in lines]
@@ -121,7 +130,7 @@ def table(compared):
 
 def plotted(compared, name):
     figure = compared.plot()
-    figure.savefig(FOLDER / f"{name}.png", dpi=80, pil_kwargs={"optimize": True})
+    figure.savefig(FOLDER / f"{name}.png", dpi=100, pil_kwargs={"optimize": True})
 
 
 def main():

@@ -299,6 +299,31 @@ def test_scenes_are_named_by_their_keys_or_their_own_names():
         ab.compare({}, **SIZE, **QUICK)
 
 
+def test_what_another_renderer_made_is_a_row():
+    """With its errors beside the same reference, and its times among those of the methods."""
+    found = ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, methods=["exact", "wboit"])
+    theirs = np.full((36, 48, 4), 0.5, np.float32)
+    found.add_image("mine", theirs, ms=[3.0, 1.0, 2.0])
+    found.add_image("untimed", found.references["scene"])
+    *_, mine, untimed = found.rows
+    assert list(mine) == list(COLUMNS)
+    assert (mine["wall_ms_q1"], mine["wall_ms"], mine["wall_ms_q3"], mine["frames"]) == (1.5, 2.0, 2.5, 3)
+    assert mine["max_abs"] == pytest.approx(0.5 - 0.0625)
+    assert (untimed["rmse"], untimed["psnr"]) == (0, math.inf)
+    assert found.time_column() == "wall_ms" and untimed not in found.pareto()
+    np.testing.assert_array_equal(found.images_of()["mine"], theirs)
+    for label, image, message in [
+        ("mine", theirs, "there is a row 'mine'"),
+        ("other", theirs[1:], "must be an image of 36×48×4"),
+        ("other", np.uint8(theirs), "divide by 255"),
+        ("reference", theirs, "a label must be text"),
+    ]:
+        with pytest.raises(ParameterError, match=message):
+            found.add_image(label, image)
+    with pytest.raises(ParameterError, match="no image of scene 'bunny'"):
+        found.add_image("other", theirs, scene="bunny")
+
+
 def test_rows_are_a_table(compared):
     table = compared.to_pandas()
     assert len(table) == len(compared.rows)

@@ -170,3 +170,12 @@ def test_a_damaged_folder_is_named(tmp_path, saved, name, content):
         (tmp_path / "copy" / name).write_bytes(content)
     with pytest.raises(ParameterError, match=r"is damaged|is of format|is not an \.npz"):
         ab.Comparison.load(tmp_path / "copy")
+
+
+def test_rows_of_another_renderer_are_saved_and_do_not_hinder_resuming(tmp_path):
+    found = ab.compare({"sheets": SHEETS}, **ASKED, save=tmp_path)
+    found.add_image("mine", np.zeros((36, 48, 4)), ms=[1.0])
+    found.save(tmp_path)
+    again = ab.compare({"sheets": SHEETS}, **ASKED, save=tmp_path, resume=True)
+    assert [row["label"] for row in again.rows] == ["exact", "lists", "mine"]
+    np.testing.assert_array_equal(again.images_of()["mine"], 0)

@@ -23,8 +23,9 @@ README, DOCS = ROOT / "README.md", ROOT / "docs"
 # Pages whose examples run.
 CONVENTIONS, LISTS, BLENDING = DOCS / "conventions.md", DOCS / "lists.md", DOCS / "blending.md"
 ADDING, SCENES, COMPARING = (DOCS / f"{name}.md" for name in ("adding-a-method", "scenes", "comparing"))
+VALIDATING = DOCS / "validating.md"
 PAGES = pytest.mark.parametrize(
-    "page", [README, CONVENTIONS, LISTS, BLENDING, ADDING, SCENES, COMPARING], ids=lambda page: page.stem
+    "page", [README, CONVENTIONS, LISTS, BLENDING, ADDING, SCENES, COMPARING, VALIDATING], ids=lambda page: page.stem
 )
 
 

@@ -9,8 +9,10 @@ from .. import _check
 from ..errors import ParameterError
 from ..extras import needed
 from . import store
-from .measuring import COLUMNS
+from .entries import check_label
+from .measuring import COLUMNS, row_of_image
 from .metrics import FLOOR, LESS_IS_BETTER
+from .references import linear_image
 
 # Of `_repr_html_`.
 SHOWN = ("label", "device", "scene", "gpu_ms", "wall_ms", "rmse", "max_abs", "flip", "bytes_per_pixel", "passes")
@@ -42,6 +44,30 @@ class Comparison:
         self.rendered |= {(scene, device, label): image for label, image in images.items()}
         self.exact[scene], self.references[scene] = exact, reference
 
+    def add_image(self, label, image, *, scene=None, device=None, ms=()):
+        """Adds a row of what another renderer made of a scene: tables, plots and the report have it beside the methods'.
+
+        Args:
+            label: as they name it.
+            image: (H, W, 4) floats, premultiplied and linear, row 0 on top, of the camera, size and background that were compared.
+            scene, device: beside whose rows it stands. None: the first.
+            ms: milliseconds by the clock, of as many frames as were timed. Without any it is in no plot, and neither dominates
+                nor is dominated.
+
+        Raises:
+            ParameterError: an image of another size or dtype, a label that is there already, or a scene or device that is not.
+        """
+        there = self.images_of(scene, device)
+        scene, device = scene or self.scenes[0], device or self.devices[0]
+        check_label(label)
+        if label in there or self.select(scene=scene, device=device, label=label):
+            raise ParameterError(f"there is a row {label!r} of {scene} on {device} already: give another label")
+        reference = self.references[scene]
+        image = linear_image(f"the image of {label}", image, reference.shape[1::-1])
+        ms = [_check.number("ms", each, 0) for each in ms]
+        row = row_of_image(label, scene, device, image, reference, self.exact[scene], ms)
+        self.add(scene, device, [row], {label: image.astype(np.float32)}, self.exact[scene], reference)
+
     @property
     def scenes(self) -> list:
         return list(dict.fromkeys(row["scene"] for row in self.rows))
@@ -66,8 +92,9 @@ class Comparison:
         return needed("pandas", "to_pandas").DataFrame(self.rows)
 
     def time_column(self, rows=None) -> str:
-        """`gpu_ms` where all rows have it, else `wall_ms`."""
+        """`gpu_ms` where all rows that have a time have it, else `wall_ms`."""
         rows = [row for row in (self.rows if rows is None else rows) if not row["failure"]]
+        rows = [row for row in rows if math.isfinite(row["gpu_ms"]) or math.isfinite(row["wall_ms"])]
         return "gpu_ms" if rows and all(math.isfinite(row["gpu_ms"]) for row in rows) else "wall_ms"
 
     def pareto(self, error="rmse") -> list:
@@ -96,7 +123,7 @@ class Comparison:
         A dot is a row, its colour a method, its marker a pipeline, and its area grows with the bytes a pixel that are kept. A
         bar has the quartiles of its times, a line joins a sweep. Rows of `pareto` have a black edge and bold labels; the dashed
         staircase has the fastest of them at each error. Errors of at most 1e-6, which float32 rounds, are drawn at 1e-6.
-        Where there are more than 16 rows, those of the staircase alone have labels, and a legend tells the others.
+        Where there are more than 16 rows, exact and those of the staircase have labels, and a legend tells the others.
 
         Args:
             ax: axes to draw one scene and device into, with the legend below. None: a new figure.

@@ -137,13 +137,17 @@ def _checked(entry):
                 _check.choice(f"a parameter of {entry.method}", name, known)
     chosen = _methods.chosen(entry.method, entry.parameters, others, "compare", ("methods", "sweep"))
     _check.choice(f"pipeline of {entry.method}", entry.pipeline, chosen.method.pipelines)
-    if not isinstance(entry.label, str) or entry.label == REFERENCE:
-        raise ParameterError(f"a label must be text other than {REFERENCE!r}, got {entry.label!r}")
+    check_label(entry.label)
     try:
         parameters = json.loads(json.dumps(entry.parameters, default=_plain))
     except TypeError as e:
         raise ParameterError(f"parameters of {entry.label} must be numbers or text, got {entry.parameters!r}") from e
     return replace(entry, parameters=parameters)
+
+
+def check_label(label):
+    if not isinstance(label, str) or not label or label == REFERENCE:
+        raise ParameterError(f"a label must be text other than {REFERENCE!r}, got {label!r}")
 
 
 def _plain(value):

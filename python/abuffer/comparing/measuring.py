@@ -41,6 +41,8 @@ COLUMNS = (
     "error_bound",
     "failure",
 )
+# The method and the pipeline of rows that another renderer made.
+OTHER = "other"
 # Frames that are compared bit by bit.
 SAME = 3
 # Stages of a GPU's frame in which the host works or waits.
@@ -118,6 +120,18 @@ def measured(subject, device, entries, size, reference, lists, frames, step):
     for label, (*_, times) in turns.items():
         rows[label] |= _times(times)
     return [{column: row[column] for column in COLUMNS} for row in rows.values()], images
+
+
+def row_of_image(label, scene, device, image, reference, exact, ms):
+    """The row of what another renderer made of a scene, in so many milliseconds a frame."""
+    nothing = dict.fromkeys(COLUMNS, float("nan")) | {"stage_ms": {}, "deterministic": None, "failure": ""}
+    names = {"label": label, "method": OTHER, "pipeline": OTHER, "parameters": {}, "curve": None}
+    wall = dict.fromkeys(("wall_ms_q1", "wall_ms", "wall_ms_q3"), float("nan"))
+    if len(ms):
+        wall = dict(zip(wall, map(float, np.quantile(ms, (0.25, 0.5, 0.75))), strict=True))
+    facts = {"fragments": exact.stats.fragments, "depth_complexity": exact.stats.max_depth_complexity}
+    where = {"device": device, "scene": scene, "frames": len(ms)}
+    return nothing | names | where | wall | facts | errors(image, reference, exact.counts > 0)
 
 
 def _failures(entry):
@@ -208,7 +222,9 @@ def bytes_per_pixel(own, entry, lists) -> float:
     said = own.method.bytes_per_pixel(**own.parameters)
     if not isinstance(said, numbers.Real):
         return float("nan")
-    return float(said) / (2 if entry.parameters.get("targets") == "float16" else 1)
+    # Sums and moments take half in half floats; draws of stochastic transparency are published in 8 bits and a depth.
+    is_half = entry.parameters.get("targets") == "float16" and own.method.id != "stochastic"
+    return float(said) / (2 if is_half else 1)
 
 
 def passes(own, entry, lists) -> int:

@@ -10,6 +10,7 @@ from .._srgb import encode_srgb
 from ..errors import ParameterError
 from ..extras import needed
 from .labels import labelled
+from .measuring import OTHER
 from .metrics import FLOOR, LESS_IS_BETTER
 
 COLUMNS = 3
@@ -17,13 +18,14 @@ COLUMNS = 3
 PANEL = (5.2, 4.2)
 # Square points of a dot: of nothing kept, and of each byte a pixel's square root.
 LEAST_DOT, DOT_OF_ROOT = 24, 9
-# Rows of a panel that have a label each; of more, the undominated ones have, and a legend tells the others.
+# Rows of a panel that have a label each; of more, exact and the staircase have, and a legend tells the others.
 MOST_LABELS = 16
 # Inches of a legend's column.
 LEGEND_COLUMN = 1.65
 # What is no number is shown in no colour that light has here.
 NO_NUMBER = (1.0, 0.0, 1.0)
-MARKERS = {"tiles": "o", "hardware": "^", "linked_list": "s", "prefix_sum": "D"}
+MARKERS = {"tiles": "o", "hardware": "^", "linked_list": "s", "prefix_sum": "D", OTHER: "*"}
+TITLES = {OTHER: "another renderer"}
 TIMES = {"gpu_ms": "GPU time of a frame, ms", "wall_ms": "time of a frame, ms"}
 
 
@@ -68,11 +70,12 @@ def _handles(rows, by_color):
     ]
     if not by_color:
         return handles
-    methods = dict.fromkeys(row["method"] for row in rows)
+    methods = dict.fromkeys(row["method"] for row in rows if row["method"] != OTHER)
     handles += [line([], [], color=_color(method), label=method, **dot) for method in methods]
     pipelines = dict.fromkeys(row["pipeline"] for row in rows)
     return handles + [
-        line([], [], linestyle="", color="0.4", marker=MARKERS.get(name, "o"), label=f"@{name}") for name in pipelines
+        line([], [], linestyle="", color="0.4", marker=MARKERS[name], label=TITLES.get(name, f"@{name}"))
+        for name in pipelines
     ]
 
 
@@ -123,10 +126,11 @@ def _panel(compared, ax, error, scene, device):
         ax.errorbar(x, y, xerr=np.maximum(spread, 0), color=color, linewidth=0.7, zorder=2)
         size = LEAST_DOT + DOT_OF_ROOT * math.sqrt(np.nan_to_num(row["bytes_per_pixel"]))
         edge = "black" if row in best else "white"
-        marker = MARKERS.get(row["pipeline"], "o")
+        marker = MARKERS[row["pipeline"]]
         ax.scatter(x, y, s=size, color=color, marker=marker, edgecolor=edge, linewidth=0.8, zorder=3)
     all_told = len(rows) <= MOST_LABELS
-    told = sorted(rows if all_told else steps, key=lambda row: (max(row[error], FLOOR), row[time]))
+    few = [row for row in rows if row in steps or row["label"] == "exact"]
+    told = sorted(rows if all_told else few, key=lambda row: (max(row[error], FLOOR), row[time]))
     labels = [(row[time], max(row[error], FLOOR), row["label"], row in best) for row in told]
     return labels, all_told, list(zip(*_points(rows, time, error), strict=True))
 
@@ -169,6 +173,8 @@ def _color(method):
     # As many as there are methods, no two alike; further ones for those that are registered.
     every = [*colormaps["tab10"].colors, *colormaps["Dark2"].colors[:7], *colormaps["tab20b"].colors[::4]]
     every += [*colormaps["tab20c"].colors, *colormaps["tab20b"].colors[1::2]]
+    if method == OTHER:
+        return "black"
     place = list(METHODS).index(method) if method in METHODS else len(METHODS)
     return every[place % len(every)]
 

@@ -47,20 +47,31 @@ def given(reference, subjects, sizes) -> dict:
     missing = [name for name in names if name not in reference]
     if missing:
         raise ParameterError(f"reference has no image of {', '.join(missing)}: it has {', '.join(map(str, reference))}")
-    return {name: _image(name, reference[name], sizes[name]) for name in names}
+    return {name: _reference(name, reference[name], sizes[name]) for name in names}
 
 
-def _image(name, reference, size):
+def _reference(name, reference, size):
     what = f"reference of {name}"
     if isinstance(reference, str):
         raise ParameterError(f"{what} must be {' or '.join(map(repr, COMPUTED))}, or an image, got {reference!r}")
-    image = np.asarray(reference.image if isinstance(reference, Frame) else reference)
+    image = linear_image(what, reference, size)
+    bad = int((~np.isfinite(image)).any(axis=2).sum())
+    if bad:
+        raise ParameterError(f"{what} is not finite in {bad:,} pixels: nothing can be compared with them")
+    return image.astype(np.float64)
+
+
+def linear_image(what, image, size):
+    """An image that a user gives, or a Frame's: (H, W, 4) floats, premultiplied.
+
+    Args:
+        what: it is, for errors.
+        size: (width, height).
+    """
+    image = np.asarray(image.image if isinstance(image, Frame) else image)
     width, height = size
     if image.shape != (height, width, 4):
         raise ParameterError(f"{what} must be an image of {height}×{width}×4, premultiplied, got {image.shape}")
     if image.dtype.kind != "f":
         raise ParameterError(f"{what} must be of floats, premultiplied and linear, got {image.dtype}: divide by 255")
-    bad = int((~np.isfinite(image)).any(axis=2).sum())
-    if bad:
-        raise ParameterError(f"{what} is not finite in {bad:,} pixels: nothing can be compared with them")
-    return image.astype(np.float64)
+    return image

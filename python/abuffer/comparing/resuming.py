@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..mesh import Mesh
+from .measuring import OTHER
 
 # Of the environment, what rows of one comparison share.
 SHARED = ("abuffer", "commit", "processor")
@@ -55,7 +56,8 @@ def check_same(compared, scene, device, asked, entries):
     if other:
         told = f" ({before['size']}, and {asked['size']} is asked for)" if "size" in other else ""
         raise ParameterError(f"{scene} was measured with another {', '.join(other)}{told}: save to another folder")
-    measured = {_told(row) for row in compared.select(scene=scene, device=device)}
+    rows = compared.select(scene=scene, device=device)
+    measured = {_told(row) for row in rows if row["method"] != OTHER}
     wanted = {_told(entry.__dict__) for entry in entries}
     if measured and measured != wanted:
         labels = sorted({label for label, *_ in measured ^ wanted})

@@ -172,7 +172,7 @@ def _bands(width, height, edges, colors):
     x = (np.arange(width) + 0.5 - width / 2) * (2 / height)
     row = np.concatenate([np.array(colors)[np.searchsorted(edges, x)], np.ones((width, 1))], axis=1)
     near = np.abs(x[:, None] - np.array(edges)).min(axis=1) < MARGIN * 2 / height
-    row[near] = np.nan
+    row[near | (np.abs(x) > FAR - MARGIN * 2 / height)] = np.nan  # there the sheets end
     return np.tile(row, (height, 1, 1))
 
 
