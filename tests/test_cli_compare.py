@@ -61,7 +61,20 @@ def compared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("compared")
     (folder / "two.obj").write_text(OBJ)
     options = ("--methods", "exact", "wboit:weight=8", "k_buffer:k=1,tail=average", "--sweep", "mlab:k=1,2")
-    done = run(folder, "compare", "two.obj", "cyclic", "-o", "out/report", *options, *QUICK, "--alpha", ".5")
+    done = run(
+        folder,
+        "compare",
+        "two.obj",
+        "cyclic",
+        "-o",
+        "out/report",
+        *options,
+        *QUICK,
+        "--alpha",
+        ".5",
+        "--background",
+        "1",
+    )
     assert done.returncode == 0, done.stderr
     return folder / "out" / "report", done
 
@@ -74,7 +87,7 @@ def test_what_was_measured_is_saved_and_is_what_the_library_measures(compared):
     methods = ["exact", {"method": "wboit", "weight": "8"}, {"method": "k_buffer", "k": 1, "tail": "average"}]
     wanted = ab.compare(
         {"two": model, "cyclic": ab.scenes.cyclic()},
-        width=48, height=36, devices=["cpu"], repeats=1, methods=methods, sweep={"mlab": {"k": [1, 2]}},
+        width=48, height=36, devices=["cpu"], repeats=1, methods=methods, sweep={"mlab": {"k": [1, 2]}}, background=1,
     )  # fmt: skip
     assert without_times(saved.rows) == without_times(wanted.rows)
     for key, image in wanted.rendered.items():
@@ -188,6 +201,7 @@ def test_a_comparison_is_not_measured_over_unless_it_is_resumed(compared):
         (["compare", "cyclic", "--methods", "mlab:"], "as in mlab:k=8, got 'mlab:'"),
         (["compare", "cyclic", "--sweep", "mlab"], "as in mlab:k=2,4,8, got 'mlab'"),
         (["compare", "cyclic", "--sweep", "mlap:k=1,2"], "did you mean 'mlab'?"),
+        (["compare", "cyclic", "--background", "red"], "--background must be numbers such as 1,1,1"),
         (["compare", "cyclic", "--repeats", "0"], "repeats must be at least 1"),
         (["compare", "cyclic", "--width", "10"], "give both width and height"),
         (["inspect", "hare"], "did you mean 'hair'?"),

@@ -250,6 +250,8 @@ def test_a_sweep_of_several_parameters_has_all_combinations():
         ({"sweep": {"mlab": [2, 4]}}, "must be a dict of parameters and their values"),
         ({"devices": "cpu"}, r"give \['cpu'\]"),
         ({"devices": []}, "devices is empty"),
+        ({"background": "red"}, "background"),
+        ({"background": (0, 0)}, "background"),
         ({"repeats": 0}, "repeats must be at least 1"),
         ({"repeats": True}, "repeats must be a number"),
         ({"warmup": -5}, "warmup must be at least 0"),

@@ -11,7 +11,7 @@ from .._methods import METHODS
 from ..comparing import measuring, store
 from ..comparing.entries import OWN
 from ..extras import needed
-from .arguments import SCENES, SUITES, add_models, add_size, scenes_of
+from .arguments import SCENES, SUITES, add_models, add_size, numbers, scenes_of
 from .progress import status, steps
 
 DPI = 110  # of the plot
@@ -56,6 +56,11 @@ def add(commands):
         "several times",
     )
     add_size(compare)
+    add(
+        "--background",
+        metavar="COLOR",
+        help="grey, r,g,b or r,g,b,a, 0 to 1, behind models from files (default: transparent)",
+    )
     add("--repeats", type=int, metavar="N", help="frames that are timed (default: 30 on a real GPU, 5 on others)")
     add("--resume", action="store_true", help="leave what the folder holds as it is, and measure the rest")
     add_models(compare)
@@ -64,6 +69,7 @@ def add(commands):
 def _run(given):
     methods = None if given.methods is None else [_method(text) for text in given.methods]
     sweep = _sweeps(given.sweep)
+    background = None if given.background is None else numbers("--background", given.background)
     scenes = {}
     for word in given.scenes:
         for name, scene in scenes_of(word, given, SUITES).items():
@@ -90,6 +96,7 @@ def _run(given):
                 sweep=sweep,
                 devices=given.devices,
                 repeats=given.repeats,
+                background=background,
                 save=folder,
                 resume=given.resume,
                 progress=step,

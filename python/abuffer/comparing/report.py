@@ -24,7 +24,7 @@ MOST_FRAGMENTS = 500_000
 # Characters of a page; lists and float32 values beyond are left out, images never.
 MOST_CHARACTERS = 28_000_000
 # Inches of the plot, as wide as a page.
-PLOT = (9.0, 4.8)
+PLOT = (9.0, 5.4)
 # int16 of differences: the largest is this, and what is no number is NOT_FINITE.
 LARGEST, NOT_FINITE = 32767, -32768
 

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 
+from .. import _check
 from ..errors import ParameterError
 from ..mesh import Mesh
 from .measuring import OTHER
@@ -27,7 +28,7 @@ def fingerprint(subject, size, reference) -> dict:
     for matrix in subject.camera.matrices(*size):
         _add(view, matrix)
     background, image = hashlib.sha256(), hashlib.sha256()
-    _add(background, np.asarray(subject.background, np.float64))
+    _add(background, _check.background(subject.background, size[::-1]))
     if not isinstance(reference, str):
         _add(image, reference)
         reference = image.hexdigest()
