@@ -13,7 +13,7 @@ import trimesh
 import abuffer as ab
 
 PICTURE = Path(__file__).with_suffix(".png")
-WIDTH, HEIGHT = 1280, 1960  # pixels, of the whole page
+WIDTH, HEIGHT = 1280, 2020  # pixels, of the whole page
 METHODS = [
     "exact", "depth_peeling", "hybrid", "adaptive", "wavelet", "fourier", "mboit", "phenomenological", "triangle_sorted", "wboit",
 ]  # fmt: skip
