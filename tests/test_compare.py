@@ -235,10 +235,14 @@ def test_what_another_renderer_made_is_a_row():
         ("other", theirs[1:], "must be an image of 36×48×4"),
         ("other", np.uint8(theirs), "divide by 255"),
         ("reference", theirs, "a label must be text"),
+        ("other", [[1], [2, 3]], "is no array"),
     ]:
         with pytest.raises(ParameterError, match=message):
             found.add_image(label, image)
-    with pytest.raises(ParameterError, match="no image of scene 'bunny'"):
+    for ms, message in [(4.0, "ms must be a list"), ([0.0], "ms must be over 0"), (["x"], "ms must be a number")]:
+        with pytest.raises(ParameterError, match=message):
+            found.add_image("other", theirs, ms=ms)
+    with pytest.raises(ParameterError, match="scene must be one of 'scene', got 'bunny'"):
         found.add_image("other", theirs, scene="bunny")
 
 
@@ -250,3 +254,17 @@ def test_rows_are_a_table(compared):
     assert html.count("<tr>") == 1 + len(compared.rows)
     hostile = ab.Comparison([compared.rows[0] | {"label": "<script>"}], {})._repr_html_()
     assert "<script>" not in hostile and "&lt;script&gt;" in hostile
+
+
+def test_another_renderers_row_stands_beside_those_of_its_device(needs_gpu):
+    found = ab.compare(SHEETS, CAMERA, **SIZE, repeats=1, methods=["exact"], devices=["cpu", "gpu"])
+    found.add_image("mine", found.references["scene"], device=found.devices[1])
+    assert found.select(label="mine")[0]["device"] == found.devices[1]
+    # It has no time, and so takes no other row's from the plot.
+    assert found.time_column(found.select(device=found.devices[1])) == "gpu_ms"
+
+
+def test_where_all_methods_failed_another_renderer_has_a_row():
+    found = ab.compare(SHEETS, CAMERA, **SIZE, **QUICK, methods=[{"method": "wboit", "pipeline": "hardware"}])
+    found.add_image("mine", found.references["scene"])
+    assert found.rows[1]["rmse"] == 0

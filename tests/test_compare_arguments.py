@@ -92,3 +92,13 @@ def test_scenes_are_named_by_their_keys_or_their_own_names():
         ab.compare([two[0], two[0]], **SIZE, **QUICK)
     with pytest.raises(ParameterError, match="there is no scene"):
         ab.compare({}, **SIZE, **QUICK)
+
+
+def test_labels_have_numbers_as_json_has_them():
+    given = {"method": "fourier", "depth_range": (np.float64(1), np.float64(9))}
+    assert [entry.label for entry in entries([given], None, is_gpu=False)] == ["fourier depth_range=[1.0, 9.0]"]
+
+
+def test_a_camera_that_is_none_is_named():
+    with pytest.raises(ParameterError, match=r"camera of scene must be an abuffer\.Camera, got str"):
+        ab.compare(SHEETS, "front", **SIZE, **QUICK)

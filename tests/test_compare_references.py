@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import abuffer as ab
-from abuffer import ParameterError
+from abuffer import ParameterError, comparing
 from comparisons import CAMERA, QUICK, SHEETS, SIZE
 
 GREY = np.full((36, 48, 4), 0.5)
@@ -36,7 +36,9 @@ def test_a_frame_and_a_dict_by_name_are_references():
 @pytest.mark.parametrize(
     ("reference", "message"),
     [
-        ("float32", "must be 'float64' or 'fragments', or an image, got 'float32'"),
+        ("float32", "must be an image, got 'float32': 'float64' and 'fragments' are for all scenes"),
+        ({"scene": "fragments"}, "must be an image, got 'fragments'"),
+        ([[1, 2], [3]], "is no array"),
         (GREY[:-1], "must be an image of 36×48×4"),
         (GREY[..., :3], "must be an image of 36×48×4"),
         ((255 * GREY).astype(np.uint8), "floats, premultiplied and linear, got uint8: divide by 255"),
@@ -61,10 +63,26 @@ def test_of_the_same_fragments_errors_are_of_compositing_alone(name):
     """And then within what they are proven to be, pixel for pixel; beside float64's geometry they need not be."""
     arguments = {"width": 120, "height": 90, **QUICK, "methods": BOUNDED}
     found = ab.compare(EDGES[name](), **arguments, reference="fragments")
-    assert found.references[found.scenes[0]].dtype == np.float64
-    assert found.rows[0]["max_abs"] < 2e-6
+    (exact,) = found.exact.values()
+    assert exact.fragments.depth.dtype == np.float32
+    np.testing.assert_array_equal(found.references[found.scenes[0]], exact.fragments.composite())
+    assert 0 < found.rows[0]["max_abs"] < 2e-6
     assert all(row["max_abs"] <= row["error_bound"] for row in found.rows)
     assert all(math.isfinite(row["error_bound"]) for row in found.rows)
+
+
+def test_lists_that_are_too_many_are_not_kept_and_make_the_reference_all_the_same(monkeypatch):
+    arguments = {"width": 60, "height": 45, **QUICK, "methods": ["exact"], "reference": "fragments"}
+    whole = ab.compare(ab.scenes.hair(), **arguments)
+    monkeypatch.setattr(comparing, "MOST_FRAGMENTS", 100)
+    found = ab.compare(ab.scenes.hair(), **arguments)
+    assert found.exact["hair"].fragments is None
+    np.testing.assert_array_equal(found.references["hair"], whole.references["hair"])
+
+
+def test_a_dict_is_matched_by_names_as_text():
+    found = ab.compare({1: SHEETS}, CAMERA, **SIZE, **QUICK, methods=["exact"], reference={1: GREY})
+    assert found.scenes == ["1"] and found.rows[0]["max_abs"] > 0.4
 
 
 def test_beside_float64_geometry_edges_are_among_errors():

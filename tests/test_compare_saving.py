@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 import abuffer as ab
-from abuffer import ParameterError, _core
+from abuffer import ParameterError, _core, comparing
+from abuffer._methods import METHODS
+from abuffer.comparing import store
+from abuffer.comparing.environment import environment
 from comparisons import CAMERA, QUICK, SHEETS, SIZE, sheets
 
 
@@ -70,6 +73,7 @@ OTHERS = {
     "another meshes": {"scenes": {"sheets": sheets((1, 0, 0, 0.5), (0, 1, 0, 0.25), (0, 0, 1, 0.5))}},
     r"other methods \(lists\)": {"methods": ["exact", {"method": "mlab", "k": 8, "label": "lists"}]},
     r"other methods \(lists, wboit\)": {"methods": ["exact", "wboit"]},
+    r"other methods \(wboit\)": {"methods": [*ASKED["methods"], "wboit"]},
 }
 
 
@@ -89,6 +93,65 @@ def test_what_is_not_the_same_is_not_resumed(saved, what):
     assert (saved / "comparison.json").read_bytes() == before
 
 
+def test_what_a_users_functions_compute_is_of_what_was_measured(tmp_path):
+    """A blend and a method of the same name, whose code is another."""
+
+    def scene(factor):
+        own = ab.Blend(numpy=lambda dst, src, depth: dst + src[:, :3] * factor, name="mine")
+        return {"blend": ab.Mesh(SHEETS.positions, colors=(1, 0, 0, 0.5), blend=own)}
+
+    arguments = ASKED | {"methods": ["exact"], "save": tmp_path, "resume": True}
+    assert ab.compare(scene(0.5), **arguments).rows[0]["failure"] == ""
+    assert len(ab.compare(scene(0.5), **arguments).rows) == 1
+    with pytest.raises(ParameterError, match="measured with another meshes"):
+        ab.compare(scene(0.9), **arguments)
+
+    arguments = ASKED | {"methods": ["exact", "mine"], "save": tmp_path / "methods", "resume": True}
+    try:
+        ab.register_method("mine", order="any", numpy=lambda color, depth, primitive, behind: behind * 0.5)
+        ab.compare({"sheets": SHEETS}, **arguments)
+        ab.register_method("mine", order="any", numpy=lambda color, depth, primitive, behind: behind * 0.9)
+        with pytest.raises(ParameterError, match="measured with another code of methods"):
+            ab.compare({"sheets": SHEETS}, **arguments)
+    finally:
+        METHODS.pop("mine", None)
+
+
+@pytest.mark.parametrize(("name", "value"), [("processor", "another"), ("commit", "abc"), ("metrics", {})])
+def test_rows_of_another_machine_are_not_resumed(saved, monkeypatch, name, value):
+    monkeypatch.setattr(comparing, "environment", lambda devices: environment(devices) | {name: value})
+    with pytest.raises(ParameterError, match=f"measured with {name}"):
+        ab.compare({"sheets": SHEETS}, **ASKED, save=saved, resume=True)
+
+
+def test_rows_of_another_driver_are_not_resumed(saved, monkeypatch):
+    def other(devices):
+        return environment(devices) | {"devices": {"cpu": {"driver": "another"}}}
+
+    monkeypatch.setattr(comparing, "environment", other)
+    with pytest.raises(ParameterError, match="measured with the driver of cpu"):
+        ab.compare({"sheets": SHEETS}, **ASKED, save=saved, resume=True)
+
+
+def test_a_folder_that_does_not_say_what_was_measured_is_read_and_not_resumed(tmp_path, saved):
+    shutil.copytree(saved, tmp_path / "old")
+    head = json.loads((tmp_path / "old" / "comparison.json").read_text())
+    del head["scenes"][0]["asked"]
+    (tmp_path / "old" / "comparison.json").write_text(json.dumps(head))
+    assert ab.Comparison.load(tmp_path / "old").scenes == ["sheets"]
+    with pytest.raises(ParameterError, match="not known what sheets was measured with"):
+        ab.compare({"sheets": SHEETS}, **ASKED, save=tmp_path / "old", resume=True)
+
+
+def test_an_interrupted_overwriting_leaves_no_mixture(tmp_path, compared, saved, monkeypatch):
+    shutil.copytree(saved, tmp_path / "folder")
+    monkeypatch.setattr(store, "_write", lambda path, arrays: exec("raise KeyboardInterrupt"))
+    with pytest.raises(KeyboardInterrupt):
+        compared.save(tmp_path / "folder")
+    with pytest.raises(ParameterError, match="holds no comparison"):
+        ab.Comparison.load(tmp_path / "folder")
+
+
 def test_rows_of_another_version_are_not_resumed(saved, monkeypatch):
     monkeypatch.setattr(_core, "VERSION", "9.9")
     with pytest.raises(ParameterError, match=r"measured with abuffer '.*', and this is '9.9'"):
@@ -106,6 +169,8 @@ def test_a_device_is_added_by_resuming(tmp_path, needs_gpu):
     found = ab.compare({"sheets": SHEETS}, **both, save=tmp_path, resume=True)
     assert len(found.rows) == 4 and len(found.devices) == 2
     assert set(found.environment["devices"]) == set(found.devices)
+    again = ab.compare({"sheets": SHEETS}, **ASKED, save=tmp_path, resume=True)
+    assert set(again.environment["devices"]) == set(again.devices) == set(found.devices)
     assert max(row["rmse"] for row in found.select(label="exact")) < 1e-6
 
 
@@ -158,6 +223,10 @@ def test_parameters_of_numpy_are_saved(tmp_path):
         ("comparison.json", b"\xff\xfe"),
         ("comparison.json", b'{"format": "abuffer-comparison-1"}'),
         ("comparison.json", b'{"format": "abuffer-comparison-9"}'),
+        (
+            "comparison.json",
+            b'{"format": "abuffer-comparison-1", "scenes": [], "environment": {}, "rows": [{"scene": "a", "label": "b"}]}',
+        ),
         ("images-0.npz", b"PK"),
         ("exact-0.npz", None),
     ],

@@ -42,6 +42,8 @@ def test_of_what_takes_seconds_a_few_frames_are_timed(monkeypatch):
     monkeypatch.setattr(measuring, "MOST_SECONDS", 0.0)
     (row,) = rows_of("exact", repeats=30, warmup=30)
     assert row["frames"] == measuring.SAME == 3
+    monkeypatch.setattr(measuring, "MOST_SECONDS", 10.0)
+    assert rows_of("exact", repeats=30)[0]["frames"] == 30
     assert row["deterministic"] is True
 
 
@@ -74,6 +76,7 @@ def test_memory_and_passes_are_the_published_ones(needs_gpu):
         "exact@prefix_sum",
         "wboit@hardware",
         {"method": "wboit@hardware", "targets": "float16", "label": "half"},
+        {"method": "stochastic@hardware", "targets": "float16", "label": "draws"},
         "depth_peeling",
         {"method": "depth_peeling", "layers": 2, "label": "two"},
         {"method": "depth_peeling", "layers": 100, "label": "hundred"},
@@ -81,7 +84,7 @@ def test_memory_and_passes_are_the_published_ones(needs_gpu):
     )
     costs = [(row["bytes_per_pixel"], row["passes"]) for row in rows]
     assert costs == [
-        (0, 1), (4 + 16 * 3, 1), (4 + 8 * 3, 1), (8 + 12 * 3, 2), (20, 1), (10, 1), (24, 4), (24, 2), (24, 4),
+        (0, 1), (4 + 16 * 3, 1), (4 + 8 * 3, 1), (8 + 12 * 3, 2), (20, 1), (10, 1), (96, 1), (24, 4), (24, 2), (24, 4),
     ]  # fmt: skip
 
 

@@ -6,7 +6,9 @@ import pytest
 import abuffer as ab
 from abuffer import ParameterError
 from abuffer._methods import METHODS
+from abuffer.comparing import plots
 from abuffer.comparing.metrics import FLOOR
+from abuffer.own_methods import BUILT_IN
 
 figures = pytest.importorskip("matplotlib.figure", reason="pip install 'abuffer[compare]'")
 PathCollection = pytest.importorskip("matplotlib.collections").PathCollection
@@ -98,6 +100,8 @@ def test_what_is_no_number_is_masked_and_said(compared):
     assert any("not finite in 1 pixels" in title for title in titles)
     (off,) = [image for ax in figure.axes for image in ax.images if image.get_cmap().name == "RdBu_r"]
     assert np.argwhere(np.ma.getmaskarray(off.get_array())).tolist() == [[3, 4]]
+    shown = next(ax.images[0].get_array() for ax in figure.axes if ax.get_title() == "additive")
+    np.testing.assert_array_equal(shown[3, 4], (1, 0, 1))
 
 
 @pytest.mark.parametrize(("srgb", "grey"), [(False, 0.5), (True, 0.735357)])
@@ -161,12 +165,76 @@ def test_labels_and_legend_are_inside_and_on_nothing_else(count):
         assert not any(box.contains(*place) for place in places)
 
 
+def test_what_is_undominated_has_an_edge_off_the_staircase_too():
+    """As fast and more off, it is not told apart, and is on no step."""
+    rows = [row("step", 1.0, 0.1), row("beside", 1.0, 0.5)]
+    ax = ab.Comparison(rows, {}).plot().axes[0]
+    assert len(staircase(ax)) == 1
+    assert [each.get_edgecolor()[0].tolist() for each in scattered(ax)] == [[0, 0, 0, 1]] * 2
+
+
+def test_labels_stay_off_large_dots_and_lead_to_far_ones():
+    rows = [row(f"dot {i}", 1.0 + i / 1e4, 0.1, bytes_per_pixel=768.0) for i in range(6)]
+    figure = ab.Comparison(rows, {}).plot()
+    (ax,) = figure.axes
+    (x, y), radius = ax.transData.transform(dots(ax)[0]), np.sqrt(24 + 9 * np.sqrt(768)) / 2 * figure.dpi / 72
+    for text in ax.texts:
+        box = text.get_window_extent()
+        assert box.x0 >= x + radius or box.x1 <= x - radius or box.y0 >= y + radius or box.y1 <= y - radius
+    # The first two stand at the dot's height, on its right and left; to those that are far lines lead.
+    lines = [line for line in ax.lines if line.get_linewidth() == 0.4]
+    assert 1 <= len(lines) <= 4
+    assert all(np.isclose(line.get_xydata()[0], dots(ax), rtol=1e-5).all(axis=1).any() for line in lines)
+
+
+def test_a_long_label_is_cut_and_leaves_the_axes_as_wide():
+    widths = []
+    for label in ("short", "long " * 40):
+        figure = ab.Comparison([row(label, 1.0, 0.1), row("b", 2.0, 0.2)], {}).plot()
+        figure.draw_without_rendering()
+        widths.append(figure.axes[0].get_window_extent().width)
+    assert widths[0] == pytest.approx(widths[1], abs=2)
+    assert [len(text.get_text()) for text in figure.axes[0].texts] == [40, 1]
+
+
+def test_of_many_rows_on_the_staircase_some_have_labels():
+    rows = [row(f"row {i}", 1.0 + i, 0.5**i) for i in range(18)] + [row("exact", 99.0, 0.0)]
+    told = [text.get_text() for text in ab.Comparison(rows, {}).plot().axes[0].texts]
+    assert len(told) == 17 and "exact" in told
+
+
+@pytest.mark.parametrize("part", [False, True])
+def test_axes_of_a_figure_and_of_a_part_of_one_are_drawn_into(part):
+    figure = figures.Figure(layout="constrained")
+    parent = figure.subfigures(1, 2)[0] if part else figure
+    ax = parent.subplots()
+    assert ab.Comparison([row("a", 1.0, 0.1)], {}).plot(ax) is parent
+    figure.draw_without_rendering()
+    legend = ax.get_legend().get_window_extent()
+    assert figure.bbox.y0 <= legend.y0 and legend.y1 <= ax.get_window_extent().y0
+
+
+@pytest.mark.parametrize("projection", ["polar", "3d"])
+def test_axes_that_are_not_flat_are_refused(projection):
+    ax = figures.Figure().add_subplot(projection=projection)
+    with pytest.raises(ParameterError, match="flat axes"):
+        ab.Comparison([row("a", 1.0, 0.1)], {}).plot(ax)
+
+
+def test_the_kind_of_reference_is_in_the_pictures_title():
+    found = ab.compare(ab.scenes.cyclic(), **SIZE, devices=["cpu"], repeats=1, methods=["exact"], reference="fragments")
+    assert found.images().axes[0].get_title() == "cyclic: reference, fragments"
+    with pytest.raises(ParameterError, match=r"give \['exact'\]"):
+        found.images(labels="exact")
+
+
 def test_a_method_has_the_same_colour_in_every_figure(compared):
     alone = ab.Comparison([row("x", 1.0, 0.1, method="additive")], {}).plot().axes[0]
     scene = compared.plot(scene="cyclic").axes[0]
     place = [each["label"] for each in compared.select(scene="cyclic")].index("additive")
     colors = scattered(scene)[place].get_facecolor(), scattered(alone)[0].get_facecolor()
     assert colors[0].tolist() == colors[1].tolist()
+    assert len({tuple(plots._color(method)) for method in BUILT_IN}) == len(BUILT_IN)
 
 
 def test_dollars_are_dollars():
@@ -254,3 +322,13 @@ def test_of_deep_pixels_the_nearest_layers_are_plotted():
     said = [text.get_text() for text in figure.axes[0].texts]
     assert len(said) == 65 and said[-1].startswith("… 36 more, the farthest; lets ")
     assert figure.get_figheight() < 30
+
+
+@pytest.mark.parametrize(("srgb", "grey"), [(False, 0.5), (True, 0.735357)])
+def test_a_layers_colour_is_shown_over_checks_and_at_the_end_opaque(srgb, grey):
+    sheet = ab.Mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], colors=(0.5, 0.5, 0.5, 0.25))
+    frags = ab.render(sheet, ab.Camera.look_at((0, 0, 4), (0, 0, 0)), **SIZE, device="cpu", fragments=True).fragments
+    shown = np.asarray(frags.plot(18, 24, srgb=srgb).axes[0].images[0].get_array())
+    np.testing.assert_allclose(shown[:, -2:], grey, atol=1e-5)
+    np.testing.assert_allclose(shown[0, 0], 0.25 * grey + 0.75 * 0.5, atol=1e-5)
+    np.testing.assert_allclose(shown[0, 1], 0.25 * grey + 0.75 * 0.75, atol=1e-5)

@@ -6,6 +6,7 @@ import re
 import statistics
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib", reason="pip install 'abuffer[compare]'")
@@ -92,7 +93,7 @@ SHALLOW = [
 
 def test_of_what_to_take_exact_holds(gpu, cpu):
     for scene in SHALLOW:
-        rows = [row for row in gpu.good(scene) if row["label"] != "unsorted"]  # which is what coplanar was submitted as
+        rows = [row for row in gpu.good(scene) if (scene, row["label"]) != ("coplanar", "unsorted")]
         assert all(gpu.taken(scene, row["label"]) >= 0.755 for row in rows), scene
     for scene in ("intersecting", "cyclic", "coplanar"):
         assert all(0.755 <= gpu.taken(scene, f"{id} k=2") <= 0.775 for id in ("mlab", "hybrid"))
@@ -121,8 +122,8 @@ def test_of_what_to_take_the_others_hold(gpu):
                 assert gpu.rmse(scene, f"{id} k=16") <= gpu.rmse(scene, "exact") + 1e-5
         taken = [gpu.taken(scene, f"{id} k=16") for scene in gpu.compared.scenes]
         assert min(taken) > 0.145 and max(taken) < 2.45
-    assert gpu.rmse("smoke", "mlab k=8") == pytest.approx(2e-3, abs=5e-5)
-    assert gpu.rmse("thin_sheets", "mlab k=8") == pytest.approx(1.2e-2, abs=5e-4)
+    told = [gpu.rmse(scene, f"{id} k=8") for id in ("mlab", "hybrid") for scene in ("smoke", "thin_sheets")]
+    assert told == pytest.approx([2.0e-3, 1.2e-2, 1.8e-3, 8.2e-2], rel=0.03)
     fourier = [("smoke", 3.5e-4, 0.54), ("thin_sheets", 1.1e-3, 0.19)]
     for scene, rmse, taken in fourier:
         assert gpu.rmse(scene, "fourier terms=5") == pytest.approx(rmse, rel=0.05)
@@ -139,13 +140,33 @@ def test_of_what_to_take_the_others_hold(gpu):
     assert all(0.265 < gpu.rmse("thin_sheets", label) < 0.525 for label in drop)
 
 
+@pytest.mark.parametrize("name", ["cpu", "gpu"])
+def test_the_picture_is_that_of_its_rows(results, name, tmp_path, monkeypatch):
+    """Drawn again it is the same, but for what fonts and versions of matplotlib do at edges."""
+    image = pytest.importorskip("PIL.Image")
+    compared, *_ = results.compared_of(name)
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    results.plotted(compared, name)
+    drawn, kept = (
+        np.asarray(image.open(path / f"{name}.png").convert("RGB"), float) for path in (tmp_path, DOCS / "results")
+    )
+    assert drawn.shape == kept.shape
+    assert np.abs(drawn - kept).mean() < 0.5
+
+
 def test_findings_hold_in_the_rows(gpu):
     sheets = [gpu.rmse("thin_sheets", f"wboit weight={weight}") for weight in ("none", "7", "8", "10", "9")]
     assert sheets == pytest.approx([0.18, 0.24, 0.35, 0.46, 0.14], abs=0.005)
     assert gpu.rmse("stack", "wboit weight=none") == pytest.approx(0.34, abs=0.005)
     assert gpu.rmse("stack", "wboit weight=10") == pytest.approx(0.054, abs=5e-4)
-    for label in ("wboit weight=7", "weighted_average", "mboit moments=8", "wavelet rank=5", "fourier terms=5"):
-        assert gpu.rmse("coplanar", label) == pytest.approx(0.1, abs=0.005)
+    means = ("weighted_average", "wboit", "mboit", "wavelet", "fourier", "phenomenological")
+    of_means = [row for row in gpu.compared.select(scene="coplanar") if row["method"] in means]
+    assert len(of_means) > 20
+    assert all(row["rmse"] == pytest.approx(0.1, abs=0.006) for row in of_means)
+    sums = [
+        row["rmse"] for row in gpu.compared.select(scene="coplanar") if row["method"] in ("additive", "weighted_sum")
+    ]
+    assert [min(sums), max(sums)] == pytest.approx([0.21, 0.77], abs=0.01)
     assert gpu.rmse("stack", "mboit moments=8") == pytest.approx(3.6e-2, abs=5e-4)
     assert gpu.rmse("stack", "mlab k=4") == pytest.approx(2.8e-3, abs=5e-5)
     ratio = gpu.taken("stack", "mlab k=4") / gpu.taken("stack", "mboit moments=8")
@@ -156,6 +177,11 @@ def test_findings_hold_in_the_rows(gpu):
     assert [min(others), max(others)] == pytest.approx([3.2e-3, 2.5e-2], rel=0.02)
     exact = [gpu.rmse(scene, "exact") for scene in ("random_triangles", "hair", "opaque_and_glass")]
     assert exact == pytest.approx([2.7e-4, 6.9e-4, 7.4e-4], abs=1e-5)
+    for scene, is_nearer in [("random_triangles", False), ("hair", False), ("opaque_and_glass", True)]:
+        in_tiles = [row["rmse"] for row in gpu.compared.select(scene=scene, pipeline="tiles")]
+        # But for what happens to round alike, in the third digit.
+        assert min(in_tiles) > 0.99 * gpu.rmse(scene, "exact")
+        assert (gpu.rmse(scene, "depth_peeling@hardware") < gpu.rmse(scene, "exact")) == is_nearer
     text = (DOCS / "results.md").read_text(encoding="utf-8")
     assert re.search(r"equation 7 by 0\.24, 8\s+by 0\.35 and 10 by 0\.46; 9 by 0\.14", text)
 
@@ -167,8 +193,8 @@ def test_the_finding_on_lamps_holds(gpu):
     assert all(lamps[label] < 1e-4 for label in kept)
     half = lamps.pop("mboit@hardware targets=float16")
     assert half == pytest.approx(430, rel=0.02)
-    wrong = [rmse for label, rmse in lamps.items() if rmse > 1e-4 and label != "adaptive k=4"]
-    assert min(wrong) == pytest.approx(1.6, rel=0.03) and max(wrong) == pytest.approx(333, rel=0.02)
+    wrong = [rmse for rmse in lamps.values() if rmse > 1e-4]
+    assert min(wrong) == pytest.approx(0.32, abs=0.01) and max(wrong) == pytest.approx(333, rel=0.02)
 
 
 def test_the_finding_on_published_forms_holds(gpu):

@@ -57,11 +57,13 @@ def compare(
             be all: `frames` says.
         warmup: frames before those, at least three.
         reference: "float64": exact, and all of it in float64. "fragments": what float32 rasterises, as methods do, composited in
-            float64; errors are then of compositing alone, and no triangle's edge is among them. Or an image of your own,
-            (H, W, 4) floats, premultiplied and linear; of several scenes a dict by name.
+            float64, on the CPU; errors are then of compositing alone, and no triangle's edge is among them. (A GPU's fragments
+            differ from these in roundings.) Or an image of your own, (H, W, 4) floats, premultiplied and linear; of several
+            scenes a dict by name.
         background: of scenes that have none, as in `render`. None: transparent.
         save: a folder that the comparison is written to after every scene and device. None: none.
-        resume: what `save` holds already is not measured again. It must be of the same scenes, cameras, methods and reference.
+        resume: what `save` holds already is not measured again, and is in what is returned. It must be of the same scenes, cameras,
+            methods and reference.
         progress: called with (done, all, what) before each step: numbers of steps, and text.
 
     Returns a Comparison.
@@ -83,7 +85,10 @@ def compare(
     asked = {name: entries(methods, sweep, is_gpu=name != "cpu") for name in by_name}
     counts = {name: _repeats(repeats, device) for name, device in by_name.items()}
     images = references.given(reference, all_subjects, sizes)
-    prints = {each.name: fingerprint(each, sizes[each.name], images.get(each.name, reference)) for each in all_subjects}
+    every = [entry for own in asked.values() for entry in own]
+    prints = {
+        each.name: fingerprint(each, sizes[each.name], images.get(each.name, reference), every) for each in all_subjects
+    }
     compared = _begun(save, resume, environment(by_name.values()))
     cells = [(subject, name) for subject in all_subjects for name in by_name]
     for subject, name in cells:

@@ -9,7 +9,7 @@ from .. import _check
 from ..errors import ParameterError
 from ..extras import needed
 from . import store
-from .entries import check_label
+from .entries import as_list, check_label
 from .measuring import COLUMNS, row_of_image
 from .metrics import FLOOR, LESS_IS_BETTER
 from .references import linear_image
@@ -27,7 +27,8 @@ class Comparison:
         environment: where it was measured.
         rendered: {(scene, device, label): (H, W, 4) float32}, premultiplied.
         references: {scene: (H, W, 4) float64}, what errors are measured against.
-        exact: {scene: Frame}, exact in float64, with its fragments if they are not too many.
+        exact: {scene: Frame}, exact in float64, or of float32's fragments where those are the reference; with the fragments if they
+            are not too many.
     """
 
     def __init__(self, rows, environment):
@@ -57,14 +58,14 @@ class Comparison:
         Raises:
             ParameterError: an image of another size or dtype, a label that is there already, or a scene or device that is not.
         """
-        there = self.images_of(scene, device)
-        scene, device = scene or self.scenes[0], device or self.devices[0]
+        scene = _check.choice("scene", scene or next(iter(self.scenes), None), self.scenes)
+        device = _check.choice("device", device or next(iter(self.devices), None), self.devices)
         check_label(label)
-        if label in there or self.select(scene=scene, device=device, label=label):
+        if self.select(scene=scene, device=device, label=label):
             raise ParameterError(f"there is a row {label!r} of {scene} on {device} already: give another label")
         reference = self.references[scene]
         image = linear_image(f"the image of {label}", image, reference.shape[1::-1])
-        ms = [_check.number("ms", each, 0) for each in ms]
+        ms = [_check.number("ms", each, 0, np.inf, open_ends=True) for each in as_list("ms", ms)]
         row = row_of_image(label, scene, device, image, reference, self.exact[scene], ms)
         self.add(scene, device, [row], {label: image.astype(np.float32)}, self.exact[scene], reference)
 
@@ -126,7 +127,8 @@ class Comparison:
         Where there are more than 16 rows, exact and those of the staircase have labels, and a legend tells the others.
 
         Args:
-            ax: axes to draw one scene and device into, with the legend below. None: a new figure.
+            ax: axes to draw one scene and device into, with the legend below: there is room for it where their figure's layout is
+                "constrained", or it is saved with bbox_inches="tight", as notebooks do. None: a new figure.
             error: the column of errors, as in `pareto`.
             scene, device: those alone. None: all.
 

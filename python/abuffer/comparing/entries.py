@@ -23,12 +23,12 @@ class Entry:
     """A row's method.
 
     Attributes:
-        label: as tables and plots name it.
+        label: as tables and plots name it. None: by its method and parameters.
         parameters: those given; the others are the method's defaults.
         curve: of entries of one sweep, their name, else None.
     """
 
-    label: str
+    label: str | None
     method: str
     pipeline: str
     parameters: dict = field(default_factory=dict)
@@ -68,7 +68,7 @@ def listed(methods, sweep):
         ParameterError: something is no list, or one of a sweep is empty.
     """
     if methods is not None:
-        methods = _list("methods", methods)
+        methods = as_list("methods", methods)
     if sweep is None:
         return methods, {}
     if not isinstance(sweep, dict):
@@ -77,13 +77,13 @@ def listed(methods, sweep):
     for name, values in sweep.items():
         if not isinstance(values, dict) or not values:
             raise ParameterError(f"sweep[{name!r}] must be a dict of parameters and their values, got {values!r}")
-        lists[name] = {each: _list(f"sweep[{name!r}][{each!r}]", of) for each, of in values.items()}
+        lists[name] = {each: as_list(f"sweep[{name!r}][{each!r}]", of) for each, of in values.items()}
         if not all(lists[name].values()):
             raise ParameterError(f"sweep[{name!r}] has no values: give at least one of each parameter, got {values!r}")
     return methods, lists
 
 
-def _list(what, values):
+def as_list(what, values) -> list:
     if isinstance(values, str | dict) or not isinstance(values, Iterable):
         raise ParameterError(f"{what} must be a list, got {values!r}: give [{values!r}]")
     return list(values)
@@ -107,7 +107,7 @@ def _entry(given):
         raise ParameterError(f"{given['method']!r} and pipeline {given['pipeline']!r} are two: give one of them")
     pipeline = given.get("pipeline", pipeline)
     parameters = {name: value for name, value in given.items() if name not in OWN}
-    return _checked(Entry(given.get("label") or _label(id, pipeline, parameters), id, pipeline, parameters))
+    return _checked(Entry(given.get("label"), id, pipeline, parameters))
 
 
 def _split(name):
@@ -124,7 +124,7 @@ def _swept(name, values):
     id, pipeline = _split(name)
     for combination in itertools.product(*values.values()):
         parameters = dict(zip(values, combination, strict=True))
-        yield _checked(Entry(_label(id, pipeline, parameters), id, pipeline, parameters, curve=name))
+        yield _checked(Entry(None, id, pipeline, parameters, curve=name))
 
 
 def _checked(entry):
@@ -137,12 +137,13 @@ def _checked(entry):
                 _check.choice(f"a parameter of {entry.method}", name, known)
     chosen = _methods.chosen(entry.method, entry.parameters, others, "compare", ("methods", "sweep"))
     _check.choice(f"pipeline of {entry.method}", entry.pipeline, chosen.method.pipelines)
-    check_label(entry.label)
     try:
         parameters = json.loads(json.dumps(entry.parameters, default=_plain))
     except TypeError as e:
-        raise ParameterError(f"parameters of {entry.label} must be numbers or text, got {entry.parameters!r}") from e
-    return replace(entry, parameters=parameters)
+        raise ParameterError(f"parameters of {entry.method} must be numbers or text, got {entry.parameters!r}") from e
+    label = _label(entry.method, entry.pipeline, parameters) if entry.label is None else entry.label
+    check_label(label)
+    return replace(entry, label=label, parameters=parameters)
 
 
 def check_label(label):

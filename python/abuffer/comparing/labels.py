@@ -2,8 +2,10 @@
 
 import math
 
-# Points: of text, of a dot, between a dot and its label, and of a step away from what is taken.
-SIZE, DOT, GAP, STEP = 6.5, 7, 6, 3
+# Points: of text, between a dot and its label, and of a step away from what is taken.
+SIZE, GAP, STEP = 6.5, 2, 3
+# Characters of a label; of a longer one the first.
+LONGEST = 40
 # Beyond so many points, a line leads to the dot.
 FAR = 9
 
@@ -15,13 +17,17 @@ def labelled(ax, labels, dots):
     axes. The figure's layout must be done.
 
     Args:
-        dots: (x, y) of all dots in data.
+        dots: (x, y) in data of all dots: their diameters in points.
     """
     pixels = ax.figure.dpi / 72
-    inside, half = ax.get_window_extent(), DOT / 2 * pixels
-    taken = [(x - half, y - half, x + half, y + half) for x, y in map(ax.transData.transform, dots)]
+    inside = ax.get_window_extent()
+    taken = []
+    for place, diameter in dots.items():
+        (x, y), half = ax.transData.transform(place), diameter / 2 * pixels
+        taken.append((x - half, y - half, x + half, y + half))
     for x, y, text, is_bold in labels:
-        dot = ax.transData.transform((x, y))
+        dot, gap = ax.transData.transform((x, y)), (dots[x, y] / 2 + GAP) * pixels
+        text = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
         said = ax.annotate(
             text,
             (x, y),
@@ -31,11 +37,13 @@ def labelled(ax, labels, dots):
             weight="bold" if is_bold else "normal",
             color="0.15",
             annotation_clip=True,
+            clip_on=True,
             parse_math=False,
             zorder=4,
         )
+        said.set_in_layout(False)  # it has found its place in this one
         box = said.get_window_extent()
-        place = _free(dot, (box.width, box.height), taken, inside, pixels)
+        place = _free(dot, gap, (box.width, box.height), taken, inside, STEP * pixels)
         taken.append((*place, place[0] + box.width, place[1] + box.height))
         off = [(place[i] - dot[i]) / pixels for i in range(2)]
         said.set_position(off)
@@ -45,15 +53,14 @@ def labelled(ax, labels, dots):
             ax.plot(xs, ys, color="0.6", linewidth=0.4, zorder=1.5, scalex=False, scaley=False)
 
 
-def _free(dot, size, taken, inside, pixels):
+def _free(dot, gap, size, taken, inside, step):
     """The lower left corner of the free place that is nearest; where there is none, to the right of the dot."""
     width, height = size
-    right, left = dot[0] + GAP * pixels, dot[0] - GAP * pixels - width
+    right, left = dot[0] + gap, dot[0] - gap - width
     middle = dot[1] - height / 2
-    steps = math.ceil(inside.height / (STEP * pixels))
-    for i in range(steps):
+    for i in range(math.ceil(inside.height / step)):
         for x in (right, left):
-            for y in {middle + i * STEP * pixels, middle - i * STEP * pixels}:
+            for y in (middle + i * step, middle - i * step):
                 box = (x, y, x + width, y + height)
                 if _holds(inside, box) and not any(_overlap(box, other) for other in taken):
                     return x, y

@@ -37,6 +37,8 @@ def plot(compared, ax, error, scene, device, panel=PANEL):
         for s in (compared.scenes if scene is None else [_known("scene", scene, compared.scenes)])
         for d in (compared.devices if device is None else [_known("device", device, compared.devices)])
     ]
+    if ax is not None and getattr(ax, "name", None) != "rectilinear":
+        raise ParameterError(f"ax must be flat axes of matplotlib, got {type(ax).__name__}")
     if ax is not None and len(cells) != 1:
         raise ParameterError(f"axes have room for one scene and device, and there are {len(cells)}: name one of each")
     figure, axes = _grid(len(cells), panel) if ax is None else (ax.figure, [ax])
@@ -52,7 +54,7 @@ def plot(compared, ax, error, scene, device, panel=PANEL):
         columns = max(1, int(width / LEGEND_COLUMN))
         ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, **small)
     # Labels go where there is room, which the layout has to be done for.
-    figure.draw_without_rendering()
+    figure.figure.draw_without_rendering()  # of a part of a figure, the whole
     for panel, (labels, *_, dots) in zip(axes, told, strict=True):
         labelled(panel, labels, dots)
     return figure
@@ -100,7 +102,7 @@ def _grid(count, panel, columns=COLUMNS):
 
 
 def _panel(compared, ax, error, scene, device):
-    """Draws a panel but its labels. Returns (x, y, text, is bold) of those, whether all dots have one, and all dots' (x, y)."""
+    """Draws a panel but its labels. Returns those, whether all dots have one, and all dots: see `labelled`."""
     rows = [row for row in compared.select(scene=scene, device=device) if not row["failure"]]
     time = compared.time_column(rows)
     rows = [row for row in rows if math.isfinite(row[error]) and math.isfinite(row[time])]
@@ -119,20 +121,22 @@ def _panel(compared, ax, error, scene, device):
     for curve in dict.fromkeys(row["curve"] for row in rows if row["curve"]):
         own = [row for row in rows if row["curve"] == curve]
         ax.plot(*_points(own, time, error), color=_color(own[0]["method"]), linewidth=1, alpha=0.7, zorder=2)
+    dots = {}
     for row in rows:
         color = _color(row["method"])
         (x,), (y,) = _points([row], time, error)
         spread = [[x - row[f"{time}_q1"]], [row[f"{time}_q3"] - x]]
         ax.errorbar(x, y, xerr=np.maximum(spread, 0), color=color, linewidth=0.7, zorder=2)
-        size = LEAST_DOT + DOT_OF_ROOT * math.sqrt(np.nan_to_num(row["bytes_per_pixel"]))
+        area = LEAST_DOT + DOT_OF_ROOT * math.sqrt(np.nan_to_num(row["bytes_per_pixel"]))
         edge = "black" if row in best else "white"
         marker = MARKERS[row["pipeline"]]
-        ax.scatter(x, y, s=size, color=color, marker=marker, edgecolor=edge, linewidth=0.8, zorder=3)
+        dots[x, y] = max(math.sqrt(area), dots.get((x, y), 0))
+        ax.scatter(x, y, s=area, color=color, marker=marker, edgecolor=edge, linewidth=0.8, zorder=3)
     all_told = len(rows) <= MOST_LABELS
-    few = [row for row in rows if row in steps or row["label"] == "exact"]
+    few = [row for row in rows if row["label"] == "exact" or row in steps[:MOST_LABELS]]
     told = sorted(rows if all_told else few, key=lambda row: (max(row[error], FLOOR), row[time]))
     labels = [(row[time], max(row[error], FLOOR), row["label"], row in best) for row in told]
-    return labels, all_told, list(zip(*_points(rows, time, error), strict=True))
+    return labels, all_told, dots
 
 
 def _ticks(ax):
@@ -183,6 +187,8 @@ def grid(compared, scene, device, labels, srgb):
     """What `Comparison.images` returns."""
     images = compared.images_of(scene, device)
     scene = scene or compared.scenes[0]
+    if isinstance(labels, str):
+        raise ParameterError(f"labels must be a list, got {labels!r}: give [{labels!r}]")
     labels = list(images) if labels is None else [_known("row", label, list(images)) for label in labels]
     reference = compared.references[scene]
     height, width = reference.shape[:2]
@@ -194,7 +200,9 @@ def grid(compared, scene, device, labels, srgb):
     colors = needed("matplotlib.colors", "plotting")
     norm = colors.SymLogNorm(1 / 255, vmin=-max(most, 1 / 255), vmax=max(most, 1 / 255))
     axes[0].imshow(shown(reference, srgb), interpolation="nearest")
-    axes[0].set_title(f"{scene}: reference", fontsize=8, parse_math=False)
+    kind = (compared.asked.get(scene) or {}).get("reference")
+    title = f"{scene}: reference" + (f", {kind}" if kind else "")
+    axes[0].set_title(title, fontsize=8, parse_math=False)
     axes[1].set_axis_off()
     scale = None
     for i, label in enumerate(labels, 1):

@@ -44,16 +44,19 @@ def given(reference, subjects, sizes) -> dict:
         if len(names) > 1:
             raise ParameterError(f"reference is one image, and there are {len(names)} scenes: give a dict by name")
         reference = {names[0]: reference}
+    reference = {str(name): image for name, image in reference.items()}
     missing = [name for name in names if name not in reference]
     if missing:
-        raise ParameterError(f"reference has no image of {', '.join(missing)}: it has {', '.join(map(str, reference))}")
+        raise ParameterError(f"reference has no image of {', '.join(missing)}: it has {', '.join(reference)}")
     return {name: _reference(name, reference[name], sizes[name]) for name in names}
 
 
 def _reference(name, reference, size):
     what = f"reference of {name}"
     if isinstance(reference, str):
-        raise ParameterError(f"{what} must be {' or '.join(map(repr, COMPUTED))}, or an image, got {reference!r}")
+        raise ParameterError(
+            f"{what} must be an image, got {reference!r}: {' and '.join(map(repr, COMPUTED))} are for all scenes, in place of a dict"
+        )
     image = linear_image(what, reference, size)
     bad = int((~np.isfinite(image)).any(axis=2).sum())
     if bad:
@@ -68,7 +71,10 @@ def linear_image(what, image, size):
         what: it is, for errors.
         size: (width, height).
     """
-    image = np.asarray(image.image if isinstance(image, Frame) else image)
+    try:
+        image = np.asarray(image.image if isinstance(image, Frame) else image)
+    except ValueError as e:
+        raise ParameterError(f"{what} is no array: {e}") from e
     width, height = size
     if image.shape != (height, width, 4):
         raise ParameterError(f"{what} must be an image of {height}×{width}×4, premultiplied, got {image.shape}")

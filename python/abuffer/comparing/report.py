@@ -98,6 +98,7 @@ def report(compared, path, srgb):
         columns=COLUMNS,
         srgb=srgb,
         scenes=compared.scenes,
+        references={scene: (compared.asked.get(scene) or {}).get("reference", "") for scene in compared.scenes},
         data=data,
         plots={id: _plot(compared, *cell) for id, cell in cells.items()},
         style=_source("report.css"),

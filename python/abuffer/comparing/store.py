@@ -10,6 +10,7 @@ import numpy as np
 from .. import _check, archive
 from ..errors import ParameterError
 from ..frame import Frame
+from .measuring import COLUMNS
 
 NAME = "comparison.json"
 FORMAT = "abuffer-comparison-1"
@@ -46,6 +47,8 @@ def save(compared, folder, only=None):
         only: a scene, of which alone files are written: those of others are there.
     """
     folder, scenes = made(folder), []
+    if only is None:
+        (folder / NAME).unlink(missing_ok=True)  # of another comparison, which half of this one would not go with
     for i, scene in enumerate(compared.scenes):
         if scene not in compared.exact:
             raise ParameterError(f"the comparison has rows of {scene}, and no images: it cannot be saved")
@@ -56,7 +59,7 @@ def save(compared, folder, only=None):
             _replaced(folder / f"images-{i}.npz", lambda path, arrays=arrays: _write(path, arrays))
             _replaced(folder / f"exact-{i}.npz", lambda path, scene=scene: compared.exact[scene].save(path))
         images = [list(key[1:]) for key in keys]
-        scenes.append({"name": scene, "images": images, "asked": compared.asked[scene]})
+        scenes.append({"name": scene, "images": images, "asked": compared.asked.get(scene)})
     rows = [{name: _said(value) for name, value in row.items()} for row in compared.rows]
     head = {"format": FORMAT, "environment": compared.environment, "scenes": scenes, "rows": rows}
     text = json.dumps(head, indent=1, allow_nan=False)
@@ -104,11 +107,15 @@ def _loaded(folder, head):
         {name: value if name in TEXTS or not isinstance(value, str) else float(value) for name, value in row.items()}
         for row in head["rows"]
     ]
+    scenes = {scene["name"] for scene in head["scenes"]}
+    for row in rows:
+        if row["scene"] not in scenes or set(row) != set(COLUMNS):
+            raise ValueError(f"the row of {row['label']} on {row['scene']} has other columns, or no images")
     compared = Comparison(rows, head["environment"])
     for i, scene in enumerate(head["scenes"]):
         name, arrays = scene["name"], archive.read_npz(folder / f"images-{i}.npz")
         compared.references[name] = arrays["reference"]
         compared.exact[name] = Frame.load(folder / f"exact-{i}.npz")
         compared.rendered |= {(name, *key): arrays[str(place)] for place, key in enumerate(scene["images"])}
-        compared.asked[name] = scene["asked"]
+        compared.asked[name] = scene.get("asked")
     return compared

@@ -57,6 +57,10 @@ def _is_standard(scene):
 
 def _subject(name, scene, camera, background):
     if _is_standard(scene):
-        return Subject(name, Scene(as_scene(scene.scene)), scene.camera, getattr(scene, "background", background))
+        background = getattr(scene, "background", background)
+        scene, camera = scene.scene, scene.camera
     own = Scene(as_scene(scene))
-    return Subject(name, own, Camera.fit(own) if camera is None else camera, background)
+    camera = Camera.fit(own) if camera is None else camera
+    if not isinstance(camera, Camera):
+        raise ParameterError(f"the camera of {name} must be an abuffer.Camera, got {type(camera).__name__}")
+    return Subject(name, own, camera, background)
