@@ -176,3 +176,15 @@ def test_importing_abuffer_imports_no_optional_package():
 def test_rendering_on_the_cpu_imports_no_optional_package_either():
     modules = imported_by("import abuffer as ab; ab.render(ab.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), device='cpu')")
     assert not modules & {"trimesh", "pandas", "matplotlib", "rich", "PIL"}
+
+
+def test_tests_have_all_packages_that_extras_name():
+    """Else what needs them is skipped where tests are set up from scratch, as scikit-image's comparisons were."""
+    tomllib = pytest.importorskip("tomllib", reason="Python 3.11")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = project["project"]["optional-dependencies"]
+    wanted = {package for name, packages in extras.items() if name != "docs" for package in packages}
+    assert "scikit-image>=0.22" in wanted
+    assert {re.split("[<>=]", package)[0] for package in wanted} <= {
+        re.split("[<>=]", package)[0] for package in project["dependency-groups"]["test"]
+    }
