@@ -22,6 +22,7 @@ from report import lines_of
 
 import abuffer as ab
 from abuffer.comparing.environment import environment
+from abuffer.comparing.metrics import sizes_of
 from abuffer.testing import edge_band
 from peers_protocol import arrays_of, drawn
 
@@ -106,7 +107,7 @@ def measured(standard, devices, arguments):
 
     def judged(image):
         off = np.abs(image - exact.image)[..., :3]
-        return {"errors": _errors(off), "errors_off_edges": _errors(off[~band])}
+        return {"errors": sizes_of(off), "errors_off_edges": sizes_of(off[~band])}
 
     rows = []
     for device in devices:
@@ -125,14 +126,6 @@ def measured(standard, devices, arguments):
     stats = exact.stats
     said = f"{stats.fragments:,} fragments, {stats.max_depth_complexity} at most in a pixel"
     return [{"scene": standard.name} | row for row in rows], f"{said}; {band.mean():.1%} of pixels are near an edge"
-
-
-def _errors(off):
-    """Of absolute differences (..., 3)."""
-    if not off.size:
-        return dict.fromkeys(("max_abs", "rmse", "over_1_255"), math.nan)
-    over = float((off.max(axis=-1) > 1 / 255).mean())
-    return {"max_abs": float(off.max()), "rmse": float(np.sqrt(np.mean(off**2))), "over_1_255": over}
 
 
 def by_peer(peer, standard, size, arguments):

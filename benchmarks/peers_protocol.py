@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from abuffer.diagnosis import decode_srgb
 from peers_environment import python_of, run
 
 PEERS = Path(__file__).resolve().parent / "peers"
@@ -103,10 +104,8 @@ def drawn(peer, variant, arrays, *, repeats=5, timeout=300.0, wheels=None) -> Dr
 
 
 def decoded(image):
-    """sRGB to linear light, IEC 61966-2-1; alpha is linear."""
-    rgb = image[..., :3]
-    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    return np.concatenate([linear, image[..., 3:]], axis=2)
+    """sRGB to linear light; alpha is linear."""
+    return np.concatenate([decode_srgb(image[..., :3]), image[..., 3:]], axis=2)
 
 
 def _floats(path, image, width, height):

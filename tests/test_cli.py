@@ -258,7 +258,7 @@ def test_warnings_are_one_line(model, tmp_path):
     assert "texture" in line
 
 
-def test_an_error_of_the_process_is_its_exitstatus(tmp_path):
+def test_an_error_of_the_process_is_its_exit_status(tmp_path):
     command = [sys.executable, "-m", "abuffer", "render", "nothing.obj", "-o", "a.png"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")

@@ -175,6 +175,14 @@ def test_times_of_a_gpu_are_those_that_all_rows_have():
     assert ab.Comparison([on_gpu, row("on cpu", 1, 1, 0.1)], {}).time_column() == "wall_ms"
 
 
+def test_those_of_a_scene_and_a_device_are_among_those_of_all(compared):
+    assert compared.pareto(scene="random", device="cpu") == [
+        row for row in compared.pareto() if row["scene"] == "random"
+    ]
+    with pytest.raises(ParameterError, match="scene must be one of 'sheets', 'random', got 'bunny'"):
+        compared.pareto(scene="bunny")
+
+
 def test_a_row_does_not_dominate_itself_nor_rows_of_another_scene():
     one, other = row("one", 1, 1, 0.1), row("other", 2, 2, 0.1) | {"scene": "t"}
     assert ab.Comparison([one, other], {}).pareto() == [one, other]

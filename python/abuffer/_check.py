@@ -35,13 +35,15 @@ def arguments(function, given, known, of, own):
 
     Args:
         known: the options of `of`.
-        own: the arguments of `function`.
+        own: the arguments of `function`; none: options came by another way than its call.
     """
     for name in given:
         if name not in known:
             near = difflib.get_close_matches(name, [*known, *own], 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             options = f"; options are {', '.join(known)}" if known else ""
+            if not own:
+                raise ParameterError(f"{of} has no option {name!r}{hint}{options}")
             raise ParameterError(
                 f"{function}() has no argument {name!r} and {of} no option of that name{hint}; "
                 f"arguments are {', '.join(own)}{options}"

@@ -3,14 +3,12 @@
 Stands on `render`; nothing below knows of it. Packages beside numpy are imported where they are used.
 """
 
-from collections.abc import Iterable
-
 from ..errors import ParameterError
 from ..job import _image_size
 from ..method import Parameter
 from . import references, store
 from .comparison import Comparison
-from .entries import entries, listed
+from .entries import as_list, entries, listed
 from .environment import environment
 from .measuring import FRAMES_ON_CPU, FRAMES_ON_GPU, device_name, is_real_gpu, measured
 from .resuming import check_environment, check_same, fingerprint
@@ -112,10 +110,8 @@ def compare(
 
 def _by_name(devices) -> dict:
     """Devices as given, by name: each once, even where two words mean one."""
-    if isinstance(devices, str) or not isinstance(devices, Iterable):
-        raise ParameterError(f"devices must be a list, got {devices!r}: give [{devices!r}]")
     by_name = {}
-    for device in devices:
+    for device in as_list("devices", devices):
         by_name.setdefault(device_name(device), device)
     if not by_name:
         raise ParameterError("devices is empty: give at least one, or None")

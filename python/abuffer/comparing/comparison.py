@@ -98,7 +98,7 @@ class Comparison:
         rows = [row for row in rows if math.isfinite(row["gpu_ms"]) or math.isfinite(row["wall_ms"])]
         return "gpu_ms" if rows and all(math.isfinite(row["gpu_ms"]) for row in rows) else "wall_ms"
 
-    def pareto(self, error="rmse") -> list:
+    def pareto(self, error="rmse", *, scene=None, device=None) -> list:
         """Rows that no other one dominates: of the same scene and device.
 
         A row dominates another where its error is no greater and it is faster, and that only where the quartiles of their times
@@ -107,12 +107,13 @@ class Comparison:
         Args:
             error: the column of errors, of which less is better: "rmse", "max_abs", "rmse_relative", "p999", "over_1_255",
                 "over_1e5", "flip" or "alpha_rmse".
+            scene, device: those alone. None: all.
         """
         _check.choice("error", error, tuple(LESS_IS_BETTER))
         best = []
-        for scene in self.scenes:
-            for device in self.devices:
-                rows = [row for row in self.select(scene=scene, device=device) if not row["failure"]]
+        for s in self.scenes if scene is None else [_check.choice("scene", scene, self.scenes)]:
+            for d in self.devices if device is None else [_check.choice("device", device, self.devices)]:
+                rows = [row for row in self.select(scene=s, device=d) if not row["failure"]]
                 time = self.time_column(rows)
                 rows = [row for row in rows if math.isfinite(row[time]) and math.isfinite(row[error])]
                 best += [row for row in rows if not any(_dominates(other, row, time, error) for other in rows)]

@@ -3,7 +3,7 @@
 import itertools
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,12 +23,12 @@ class Entry:
     """A row's method.
 
     Attributes:
-        label: as tables and plots name it. None: by its method and parameters.
+        label: as tables and plots name it.
         parameters: those given; the others are the method's defaults.
         curve: of entries of one sweep, their name, else None.
     """
 
-    label: str | None
+    label: str
     method: str
     pipeline: str
     parameters: dict = field(default_factory=dict)
@@ -107,7 +107,7 @@ def _entry(given):
         raise ParameterError(f"{given['method']!r} and pipeline {given['pipeline']!r} are two: give one of them")
     pipeline = given.get("pipeline", pipeline)
     parameters = {name: value for name, value in given.items() if name not in OWN}
-    return _checked(Entry(given.get("label"), id, pipeline, parameters))
+    return _made(given.get("label"), id, pipeline, parameters)
 
 
 def _split(name):
@@ -124,26 +124,26 @@ def _swept(name, values):
     id, pipeline = _split(name)
     for combination in itertools.product(*values.values()):
         parameters = dict(zip(values, combination, strict=True))
-        yield _checked(Entry(None, id, pipeline, parameters, curve=name))
+        yield _made(None, id, pipeline, parameters, curve=name)
 
 
-def _checked(entry):
-    """The entry, whose method, pipeline and parameters there are; these as JSON has them."""
-    others = EXACT_OPTIONS if entry.method == "exact" else OPTIONS
-    if entry.method in METHODS:
-        known = (*METHODS[entry.method].options, *others)
-        for name in entry.parameters:
-            if name not in _methods.parameters():  # which are told apart below
-                _check.choice(f"a parameter of {entry.method}", name, known)
-    chosen = _methods.chosen(entry.method, entry.parameters, others, "compare", ("methods", "sweep"))
-    _check.choice(f"pipeline of {entry.method}", entry.pipeline, chosen.method.pipelines)
+def _made(label, id, pipeline, parameters, curve=None) -> Entry:
+    """An Entry whose method, pipeline and parameters there are; these as JSON has them. label None: by them."""
+    method = chosen_of(id, parameters).method
+    _check.choice(f"pipeline of {id}", pipeline, method.pipelines)
     try:
-        parameters = json.loads(json.dumps(entry.parameters, default=_plain))
+        parameters = json.loads(json.dumps(parameters, default=_plain))
     except TypeError as e:
-        raise ParameterError(f"parameters of {entry.method} must be numbers or text, got {entry.parameters!r}") from e
-    label = _label(entry.method, entry.pipeline, parameters) if entry.label is None else entry.label
+        raise ParameterError(f"parameters of {id} must be numbers or text, got {parameters!r}") from e
+    label = _label(id, pipeline, parameters) if label is None else label
     check_label(label)
-    return replace(entry, label=label, parameters=parameters)
+    return Entry(label, id, pipeline, parameters, curve)
+
+
+def chosen_of(id, parameters):
+    """A method with its parameters, checked."""
+    others = EXACT_OPTIONS if id == "exact" else OPTIONS
+    return _methods.chosen(id, parameters, others, "compare", ())
 
 
 def check_label(label):

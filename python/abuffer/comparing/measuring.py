@@ -7,11 +7,11 @@ import time
 import numpy as np
 
 from .. import tables
-from .._methods import METHODS, chosen
+from .._methods import METHODS
 from ..errors import AbufferError
-from ..options import EXACT_OPTIONS, OPTIONS
 from ..renderer import Renderer
 from .bounds import Bounds
+from .entries import chosen_of
 from .metrics import ERRORS, errors
 
 COLUMNS = (
@@ -122,16 +122,18 @@ def measured(subject, device, entries, size, reference, lists, frames, step):
     return [{column: row[column] for column in COLUMNS} for row in rows.values()], images
 
 
+def _nothing():
+    """A row that says nothing."""
+    return dict.fromkeys(COLUMNS, float("nan")) | {"stage_ms": {}, "deterministic": None, "failure": ""}
+
+
 def row_of_image(label, scene, device, image, reference, exact, ms):
     """The row of what another renderer made of a scene, in so many milliseconds a frame."""
-    nothing = dict.fromkeys(COLUMNS, float("nan")) | {"stage_ms": {}, "deterministic": None, "failure": ""}
     names = {"label": label, "method": OTHER, "pipeline": OTHER, "parameters": {}, "curve": None}
-    wall = dict.fromkeys(("wall_ms_q1", "wall_ms", "wall_ms_q3"), float("nan"))
-    if len(ms):
-        wall = dict(zip(wall, map(float, np.quantile(ms, (0.25, 0.5, 0.75))), strict=True))
+    wall = _quartiles("wall_ms", ms) if len(ms) else {}
     facts = {"fragments": exact.stats.fragments, "depth_complexity": exact.stats.max_depth_complexity}
     where = {"device": device, "scene": scene, "frames": len(ms)}
-    return nothing | names | where | wall | facts | errors(image, reference, exact.counts > 0)
+    return _nothing() | names | where | wall | facts | errors(image, reference, exact.counts > 0)
 
 
 def _failures(entry):
@@ -151,7 +153,7 @@ def _row(entry, subject, frames, reference, lists, bounds):
     frame = frames[0]
     stats = frame.stats
     images = [other.image.tobytes() for other in frames[:SAME]]
-    own = _chosen(entry)
+    own = chosen_of(entry.method, entry.parameters)
     return _named(entry, subject, stats.device) | {
         "bytes_per_pixel": bytes_per_pixel(own, entry, lists),
         "passes": passes(own, entry, lists),
@@ -180,12 +182,8 @@ def _named(entry, subject, device):
 
 def _failed(entry, subject, device, error):
     """A row of what a device cannot do: no row is left out."""
-    nothing = dict.fromkeys(COLUMNS, float("nan")) | {
-        "stage_ms": {},
-        "deterministic": None,
-        "failure": str(error) or repr(error),
-    }
-    return nothing | _named(entry, subject, device_name(device))
+    failed = {"failure": str(error) or repr(error)}
+    return _nothing() | failed | _named(entry, subject, device_name(device))
 
 
 def _times(times):
@@ -193,16 +191,16 @@ def _times(times):
     wall, gpu, stages = zip(*times, strict=True)
     columns = {}
     for name, values in (("wall_ms", wall), ("gpu_ms", gpu)):
-        quartiles = np.quantile(values, (0.25, 0.5, 0.75))
-        columns |= dict(zip((f"{name}_q1", name, f"{name}_q3"), map(float, quartiles), strict=True))
+        columns |= _quartiles(name, values)
     names = dict.fromkeys(name for each in stages for name in each)
     medians = {name: statistics.median(each.get(name, 0.0) for each in stages) for name in names}
     return columns | {"stage_ms": medians, "frames": len(times)}
 
 
-def _chosen(entry):
-    others = EXACT_OPTIONS if entry.method == "exact" else OPTIONS
-    return chosen(entry.method, entry.parameters, others, "compare", ("methods",))
+def _quartiles(name, values):
+    """Columns of a time."""
+    found = map(float, np.quantile(values, (0.25, 0.5, 0.75)))
+    return dict(zip((f"{name}_q1", name, f"{name}_q3"), found, strict=True))
 
 
 def bytes_per_pixel(own, entry, lists) -> float:

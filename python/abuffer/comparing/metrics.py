@@ -78,20 +78,26 @@ def errors(image, reference, covered=None) -> dict:
     worst = off.max(axis=2)
     peak = max(1.0, float(wanted.max(initial=0)))
     covered = np.ones(worst.shape, bool) if covered is None else covered
+    sizes = sizes_of(off)
     return {
-        "max_abs": float(off.max()),
-        "rmse": _rms(off),
+        **sizes,
         "rmse_relative": _rms(off / (np.abs(wanted) + DARK)),
         "p999": float(np.quantile(off, 0.999)),
-        "over_1_255": float(np.mean(worst > 1 / 255)),
         "over_1e5": float(np.mean(worst > 1e-5)),
-        "psnr": psnr(_rms(off), peak),
+        "psnr": psnr(sizes["rmse"], peak),
         "psnr_covered": psnr(_rms(off[covered]), peak),
         "ssim": ssim(rgb, wanted, peak),
         "flip": flip(rgb, wanted, peak),
         "alpha_rmse": _rms(image[..., 3] - reference[..., 3]),
         "nonfinite": 0,
     }
+
+
+def sizes_of(off) -> dict:
+    """What is quickly said of absolute differences (..., 3): columns `max_abs`, `rmse` and `over_1_255`; NaN of none."""
+    over = off.max(axis=-1) > 1 / 255
+    told = {"max_abs": off.max(), "rmse": _rms(off), "over_1_255": over.mean()} if off.size else {}
+    return {name: float(told.get(name, np.nan)) for name in ("max_abs", "rmse", "over_1_255")}
 
 
 def _rms(values) -> float:

@@ -9,6 +9,7 @@ from .._methods import METHODS
 from .._srgb import encode_srgb
 from ..errors import ParameterError
 from ..extras import needed
+from .entries import as_list
 from .labels import labelled
 from .measuring import OTHER
 from .metrics import FLOOR, LESS_IS_BETTER
@@ -116,7 +117,7 @@ def _panel(compared, ax, error, scene, device):
     _ticks(ax)
     ax.grid(True, which="major", color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
-    best = [row for row in compared.pareto(error) if (row["scene"], row["device"]) == (scene, device) and row in rows]
+    best = compared.pareto(error, scene=scene, device=device)
     steps = _staircase(ax, best, time, error)
     for curve in dict.fromkeys(row["curve"] for row in rows if row["curve"]):
         own = [row for row in rows if row["curve"] == curve]
@@ -187,20 +188,20 @@ def grid(compared, scene, device, labels, srgb):
     """What `Comparison.images` returns."""
     images = compared.images_of(scene, device)
     scene = scene or compared.scenes[0]
-    if isinstance(labels, str):
-        raise ParameterError(f"labels must be a list, got {labels!r}: give [{labels!r}]")
-    labels = list(images) if labels is None else [_known("row", label, list(images)) for label in labels]
+    labels = (
+        list(images) if labels is None else [_known("row", each, list(images)) for each in as_list("labels", labels)]
+    )
     reference = compared.references[scene]
     height, width = reference.shape[:2]
     panel = (3.0, 3.0 * height / width + 0.3)
     figure, axes = _grid(2 * (len(labels) + 1), panel, columns=4)
-    off = {label: _signed(images[label], reference) for label in labels}
+    off = {label: signed(images[label], reference) for label in labels}
     most = max((float(np.abs(o).filled(0).max()) for o in off.values()), default=0.0)
     # A step of 8 bits shows, and so does what is off by hundreds of them.
     colors = needed("matplotlib.colors", "plotting")
     norm = colors.SymLogNorm(1 / 255, vmin=-max(most, 1 / 255), vmax=max(most, 1 / 255))
     axes[0].imshow(shown(reference, srgb), interpolation="nearest")
-    kind = (compared.asked.get(scene) or {}).get("reference")
+    kind = compared.asked.get(scene, {}).get("reference")
     title = f"{scene}: reference" + (f", {kind}" if kind else "")
     axes[0].set_title(title, fontsize=8, parse_math=False)
     axes[1].set_axis_off()
@@ -231,8 +232,8 @@ def shown(image, srgb):
     return shown
 
 
-def _signed(image, reference):
+def signed(image, reference):
     """Of each pixel, the difference of the channel that is most off; what is no number is masked."""
     off = image[..., :3].astype(np.float64) - reference[..., :3]
-    signed = np.take_along_axis(off, np.abs(off).argmax(axis=2)[..., None], axis=2)[..., 0]
-    return np.ma.masked_where(~np.isfinite(off).all(axis=2), signed)
+    most = np.take_along_axis(off, np.abs(off).argmax(axis=2)[..., None], axis=2)[..., 0]
+    return np.ma.masked_where(~np.isfinite(off).all(axis=2), most)

@@ -98,7 +98,7 @@ def report(compared, path, srgb):
         columns=COLUMNS,
         srgb=srgb,
         scenes=compared.scenes,
-        references={scene: (compared.asked.get(scene) or {}).get("reference", "") for scene in compared.scenes},
+        references={scene: compared.asked.get(scene, {}).get("reference", "") for scene in compared.scenes},
         data=data,
         plots={id: _plot(compared, *cell) for id, cell in cells.items()},
         style=_source("report.css"),
@@ -120,7 +120,7 @@ def _cells(compared):
 
 
 def _rows(compared, scene, device):
-    best = compared.pareto()
+    best = compared.pareto(scene=scene, device=device)
     return [
         {
             "label": row["label"],
@@ -181,12 +181,11 @@ def _png(image, srgb):
 
 def _difference(image, reference):
     """Of each pixel that of the channel that is most off, in steps of the largest there is."""
-    off = np.asarray(image[..., :3], np.float64) - reference[..., :3]
-    finite = np.isfinite(off).all(axis=2)
-    signed = np.take_along_axis(off, np.abs(off).argmax(axis=2)[..., None], axis=2)[..., 0]
-    step = float(np.abs(signed[finite]).max(initial=0)) / LARGEST
-    steps = np.full(signed.shape, NOT_FINITE, "<i2")
-    steps[finite] = np.rint(signed[finite] / step) if step else 0
+    off = plots.signed(image, reference)
+    finite = off.compressed()
+    step = float(np.abs(finite).max(initial=0)) / LARGEST
+    steps = np.full(off.shape, NOT_FINITE, "<i2")
+    steps[~np.ma.getmaskarray(off)] = np.rint(finite / step) if step else 0
     return {"step": step, "steps": _packed(steps)}
 
 

@@ -72,7 +72,7 @@ def check_same(compared, scene, device, asked, entries):
     if scene not in compared.exact:
         return
     before = compared.asked[scene]
-    if before is None:
+    if not before:
         raise ParameterError(f"it is not known what {scene} was measured with: save to another folder")
     other = [what for what in asked if asked[what] != before.get(what)]
     if other:

@@ -59,7 +59,7 @@ def save(compared, folder, only=None):
             _replaced(folder / f"images-{i}.npz", lambda path, arrays=arrays: _write(path, arrays))
             _replaced(folder / f"exact-{i}.npz", lambda path, scene=scene: compared.exact[scene].save(path))
         images = [list(key[1:]) for key in keys]
-        scenes.append({"name": scene, "images": images, "asked": compared.asked.get(scene)})
+        scenes.append({"name": scene, "images": images, "asked": compared.asked.get(scene, {})})
     rows = [{name: _said(value) for name, value in row.items()} for row in compared.rows]
     head = {"format": FORMAT, "environment": compared.environment, "scenes": scenes, "rows": rows}
     text = json.dumps(head, indent=1, allow_nan=False)
@@ -117,5 +117,5 @@ def _loaded(folder, head):
         compared.references[name] = arrays["reference"]
         compared.exact[name] = Frame.load(folder / f"exact-{i}.npz")
         compared.rendered |= {(name, *key): arrays[str(place)] for place, key in enumerate(scene["images"])}
-        compared.asked[name] = scene.get("asked")
+        compared.asked[name] = scene.get("asked", {})
     return compared
